@@ -1,0 +1,60 @@
+"""What can go wrong, as one tree.
+
+    BushsegError
+    ├── ReadError         an input file is missing, truncated, mislabelled or inconsistent
+    ├── WriteError        an output can't be written, or would overwrite something
+    ├── ConfigError       a setting is unknown, out of range or contradicts another
+    ├── SchemeError       a class scheme is unknown or malformed
+    ├── CacheError        prepared data is missing, damaged or made by another version
+    ├── CheckpointError   a model file is missing, damaged or doesn't fit
+    └── DataError         a scan doesn't hold what was asked of it (features, labels, points)
+
+Every message is one line: what was found, what was expected, what to do. The command line prints
+it as it stands and exits with status 1.
+"""
+
+from pathlib import Path
+
+
+class BushsegError(Exception):
+    """Anything bushseg refuses to do, with the reason and the remedy in its message."""
+
+
+class ReadError(BushsegError):
+    """An input file can't be read faithfully.
+
+    Args:
+        path: The file.
+        found: What the file holds.
+        expected: What it should hold, and what to do about it.
+    """
+
+    def __init__(self, path: str | Path, found: str, expected: str) -> None:
+        self.path = Path(path)
+        self.found = found
+        self.expected = expected
+        super().__init__(f"{path}: {found}; expected {expected}")
+
+
+class WriteError(BushsegError):
+    """An output can't be written, or writing it would destroy something."""
+
+
+class ConfigError(BushsegError):
+    """A setting is unknown, out of range or contradicts another."""
+
+
+class SchemeError(BushsegError):
+    """A class scheme is unknown or malformed."""
+
+
+class CacheError(BushsegError):
+    """Prepared data is missing, damaged or made by another version."""
+
+
+class CheckpointError(BushsegError):
+    """A model file is missing, damaged or doesn't fit the data."""
+
+
+class DataError(BushsegError):
+    """A scan doesn't hold what was asked of it."""

@@ -1,0 +1,94 @@
+"""Outputs appear whole or not at all."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from bushseg.errors import WriteError
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; move it into place if the block succeeds.
+
+    The temporary file is synced before it is renamed, so that after a crash `path` holds either its
+    old content or all of the new. A symbolic link is followed: its target is replaced, the link
+    stays. If the block raises, the temporary file is removed and `path` is untouched.
+
+    Args:
+        path: Where the output shall stand. Its folder is created if need be.
+
+    Raises:
+        WriteError: The folder can't be created or written to.
+    """
+    target = Path(os.path.realpath(path))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # The suffix stays last: libraries choose their format by it.
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem[:40]}-", suffix=f".partial{target.suffix}", dir=target.parent
+        )
+        os.close(handle)
+    except OSError as error:
+        raise WriteError(f"{path}: can't write here ({error.strerror or error})") from error
+    partial = Path(name)
+    try:
+        yield partial
+        _sync(partial)
+        partial.chmod(_default_mode())
+        partial.replace(target)
+        _sync(target.parent)
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise
+
+
+def check_output(
+    output: str | Path, inputs: tuple[str | Path, ...] = (), *, overwrite: bool
+) -> None:
+    """Refuse an output that would destroy something, before any work is done.
+
+    Args:
+        output: The file to be written.
+        inputs: Files that must survive.
+        overwrite: Whether an existing output may be replaced.
+
+    Raises:
+        WriteError: The output is one of the inputs, is a folder, or exists and may not be replaced.
+    """
+    path = Path(output)
+    if path.is_dir():
+        raise WriteError(f"{path}: is a folder; give the output a file name")
+    if not path.exists():
+        return
+    for source in inputs:
+        if Path(source).exists() and path.samefile(source):
+            raise WriteError(f"{path}: is the input itself; choose another output name")
+    if not overwrite:
+        raise WriteError(f"{path}: exists already; pass --overwrite to replace it")
+
+
+def _sync(path: Path) -> None:
+    """Flush a file or folder to disk; folders can't be synced on every system."""
+    flags = os.O_RDONLY
+    try:
+        handle = os.open(path, flags)
+    except OSError:
+        return
+    try:
+        os.fsync(handle)
+    except OSError:
+        if not path.is_dir():
+            raise
+    finally:
+        os.close(handle)
+
+
+def _default_mode() -> int:
+    """The mode a plain `open` would give: mkstemp's 0600 would lock others out."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

@@ -1,0 +1,114 @@
+"""What every format's reader and writer must do."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.points import AttributeArray, PointCloud
+
+CHUNK_POINTS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ScanInfo:
+    """What a scan's header says, before any point is read.
+
+    Attributes:
+        path: The file.
+        format: For people: "LAS 1.4 point format 7", "PLY binary_little_endian".
+        num_points: How many points the file holds.
+        attributes: Name to dtype of each column besides the coordinates.
+        label_attribute: The column that holds class codes, or None.
+        bounds: (2, 3) float64, the header's minimum and maximum in the file's unit, or None.
+        crs: The coordinate reference system as WKT or as the GeoTIFF keys in words, or None.
+        sensor_position: (3,) float64, where the sensor stood in the scan's coordinates; or None.
+    """
+
+    path: Path
+    format: str
+    num_points: int
+    attributes: Mapping[str, np.dtype[Any]]
+    label_attribute: str | None = None
+    bounds: NDArray[np.float64] | None = None
+    crs: str | None = None
+    sensor_position: NDArray[np.float64] | None = None
+
+
+class ScanReader(ABC):
+    """An open scan: a context manager that yields its points in order, in chunks.
+
+    Opening validates the header against the file's size, so that a hostile header never sizes an
+    allocation. Every failure, on opening or later, is a :class:`bushseg.errors.ReadError`.
+    """
+
+    info: ScanInfo
+
+    @abstractmethod
+    def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:
+        """Yield all points in the file's order, at most `size` at a time.
+
+        May be called more than once; each call starts at the first point.
+
+        Raises:
+            ReadError: The body is shorter than the header says, or damaged.
+        """
+
+    def read(self) -> PointCloud:
+        """Read the whole scan into memory."""
+        chunks = list(self.chunks())
+        if len(chunks) == 1:
+            return chunks[0]
+        names = chunks[0].attributes
+        return PointCloud(
+            np.concatenate([chunk.xyz for chunk in chunks]),
+            {name: np.concatenate([chunk.attributes[name] for chunk in chunks]) for name in names},
+        )
+
+    def close(self) -> None:
+        """Release the file."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class ScanWriter(ABC):
+    """An output being written, chunk by chunk, in the input's order.
+
+    A writer writes to the very path it is given; the caller makes that atomic
+    (:func:`bushseg.files.atomic_path`) and calls :meth:`close` once, after the last chunk.
+    """
+
+    @abstractmethod
+    def write(
+        self,
+        chunk: PointCloud,
+        added: Mapping[str, AttributeArray],
+        codes: NDArray[np.integer[Any]] | None,
+    ) -> None:
+        """Write one chunk.
+
+        Args:
+            chunk: Points as the input's reader gave them.
+            added: New columns of the chunk's length: name to values, the same names each time.
+            codes: Class codes for the format's own label field, or None to leave it alone.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Write what comes last (counts, EVLRs) and release the file."""

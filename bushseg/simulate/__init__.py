@@ -1,0 +1,1 @@
+"""Sites made up, with exact labels."""

@@ -30,6 +30,8 @@ class ScanInfo:
         bounds: (2, 3) float64, the header's minimum and maximum in the file's unit, or None.
         crs: The coordinate reference system as WKT or as the GeoTIFF keys in words, or None.
         sensor_position: (3,) float64, where the sensor stood in the scan's coordinates; or None.
+        no_returns_at_origin: Whether a point at exactly (0, 0, 0) stands for a pulse that did not
+            return: kept in every output, never fed to the network.
     """
 
     path: Path
@@ -40,6 +42,7 @@ class ScanInfo:
     bounds: NDArray[np.float64] | None = None
     crs: str | None = None
     sensor_position: NDArray[np.float64] | None = None
+    no_returns_at_origin: bool = False
 
 
 class ScanReader(ABC):
@@ -72,7 +75,7 @@ class ScanReader(ABC):
             {name: np.concatenate([chunk.attributes[name] for chunk in chunks]) for name in names},
         )
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most readers hold nothing open
         """Release the file."""
 
     def __enter__(self) -> Self:

@@ -1,0 +1,1 @@
+"""Finds bushes in point clouds too large for anything else."""

@@ -28,9 +28,7 @@ class PointCloud:
 
     def __post_init__(self) -> None:
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3 or self.xyz.dtype != np.float64:
-            raise ValueError(
-                f"xyz has shape {self.xyz.shape} and dtype {self.xyz.dtype}; expected (N, 3) float64"
-            )
+            raise ValueError(f"xyz is {self.xyz.shape} {self.xyz.dtype}; expected (N, 3) float64")
         for name, column in self.attributes.items():
             if len(column) != len(self.xyz):
                 raise ValueError(

@@ -1,0 +1,75 @@
+"""Height above the local ground, from voxels alone.
+
+A bush and a tree's crown look alike up close; how high they hang above the ground tells them apart.
+The ground is a raster of the lowest point in each cell. Pits that nothing around confirms (stray
+returns below ground) are taken out; a grey-scale opening then removes what is narrower than its
+window and stands higher (plants, cars, small buildings), after Zhang et al., "A progressive
+morphological filter", 2003, in one step. It is a feature for the network, not a terrain model:
+under a roof wider than the window it follows the roof.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+CELL = 1.0
+"""Edge of a raster cell, metres; doubled until the raster is small enough."""
+
+WINDOW = 21.0
+"""Edge of the opening's window, metres."""
+
+PIT_DEPTH = 2.0
+"""A cell this much below everything around it, in metres, is no ground."""
+
+_MAX_CELLS = 16_000_000
+
+
+def height_above_ground(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Height of each point above the ground below it.
+
+    Args:
+        xyz: Positions in metres, shape (N, 3), float64, relative to an origin that moves with the
+            scan (the voxel grid's), so that a moved scan gives the same heights.
+
+    Returns:
+        Metres, shape (N,), float32.
+    """
+    if not len(xyz):
+        return np.empty(0, dtype=np.float32)
+    cell = CELL
+    extent = np.ptp(xyz[:, :2], axis=0)
+    while np.prod(np.floor(extent / cell) + 2) > _MAX_CELLS:
+        cell *= 2
+    positions = xyz[:, :2] / cell
+    corner = np.floor(positions.min(axis=0))
+    positions -= corner
+    raster = _ground_raster(positions, xyz[:, 2], cell)
+    # A cell's value stands at its middle; linear interpolation leaves no steps between cells.
+    ground = ndimage.map_coordinates(raster, (positions - 0.5).T, order=1, mode="nearest")
+    height: NDArray[np.float32] = (xyz[:, 2] - ground).astype(np.float32)
+    return height
+
+
+def _ground_raster(
+    positions: NDArray[np.float64], z: NDArray[np.float64], cell: float
+) -> NDArray[np.float64]:
+    """Ground level of each cell, shape (X, Y); positions are in cells and not negative."""
+    columns = positions.astype(np.int64)
+    shape = tuple(columns.max(axis=0) + 1)
+    lowest = np.full(shape, np.inf)
+    flat = np.ravel_multi_index((columns[:, 0], columns[:, 1]), shape)
+    np.minimum.at(lowest.reshape(-1), flat, z)
+    empty = np.isinf(lowest)
+    if empty.any():
+        nearest = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
+        lowest = lowest[tuple(nearest)]
+    window = max(5, 2 * round(WINDOW / cell / 2) + 1)
+    # In a dense stand few cells see the ground, so a pit counts only if it is alone in the window.
+    ring = np.ones((window, window), dtype=bool)
+    middle = window // 2
+    ring[middle - 1 : middle + 2, middle - 1 : middle + 2] = False
+    around = ndimage.grey_erosion(lowest, footprint=ring)
+    cleaned = np.where(lowest < around - PIT_DEPTH, around, lowest)
+    opened = ndimage.grey_opening(cleaned, size=window)
+    raster: NDArray[np.float64] = ndimage.gaussian_filter(opened, sigma=1.0, mode="nearest")
+    return raster

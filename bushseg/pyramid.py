@@ -1,0 +1,73 @@
+"""The levels a network runs on: neighbor, decimation and interpolation indices.
+
+Computed once, before the network, which then only gathers.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.config import Sampling
+from bushseg.neighbors import NeighborIndex
+from bushseg.sampling import decimate, hash_uniform
+
+
+@dataclass(frozen=True, slots=True)
+class Pyramid:
+    """Indices of all levels; level l + 1 holds about a quarter of level l.
+
+    Attributes:
+        neighbors: Of each level: neighbor indices within it, (N_l, K) int32, nearest first.
+        decimated: Of each level: its survivors, (N_{l+1},) int32, ascending.
+        interpolated: Of each level: each point's nearest survivor, as an index into level l + 1,
+            (N_l,) int32.
+    """
+
+    neighbors: tuple[NDArray[np.int32], ...]
+    decimated: tuple[NDArray[np.int32], ...]
+    interpolated: tuple[NDArray[np.int32], ...]
+
+    @property
+    def num_levels(self) -> int:
+        """How many times the points are decimated."""
+        return len(self.neighbors)
+
+
+def build_pyramid(
+    xyz: NDArray[np.float32],
+    keys: NDArray[np.int64],
+    *,
+    num_neighbors: int,
+    num_levels: int,
+    decimation: int,
+    sampling: Sampling,
+    seed: int,
+) -> Pyramid:
+    """Find the indices of all levels.
+
+    Args:
+        xyz: Positions relative to a nearby origin, Morton order, shape (N, 3), float32; N >= 1.
+        keys: Voxel keys, from which decimation draws its zeta, shape (N,), int64.
+        num_neighbors: K.
+        num_levels: How many times to decimate.
+        decimation: One point in this many survives (at least one does).
+        sampling: How survivors are chosen.
+        seed: Selects the zeta.
+
+    Returns:
+        The pyramid.
+    """
+    neighbors, decimated, interpolated = [], [], []
+    index = NeighborIndex(xyz)
+    for level in range(num_levels):
+        points = index.points
+        around = index.query(points, num_neighbors)
+        zeta = hash_uniform(keys, seed * num_levels + level)
+        kept = decimate(zeta, max(1, len(points) // decimation), points, around, sampling)
+        index = NeighborIndex(points[kept])
+        neighbors.append(around)
+        decimated.append(kept)
+        interpolated.append(index.query(points, 1)[:, 0])
+        keys = keys[kept]
+    return Pyramid(tuple(neighbors), tuple(decimated), tuple(interpolated))

@@ -1,0 +1,138 @@
+"""Minimum-probability random sampling, MRS (section 3.2, eq. 1-3), and plain random beside it.
+
+Every point carries a probability zeta ~ U(0, 1). A draw takes the point with the smallest zeta as
+its center, with its n nearest neighbors, and raises each of them by sqrt(1 - d_i / d_max) W: what
+was just seen is seen again last. d is Euclidean, as printed; W is the share of the point's class in
+the whole data set, so that common classes are put off longer and rare ones return sooner (1 where
+there are no labels).
+
+Two uses: drawing crops (:class:`ZetaQueue` keeps block minima, so that a draw's cost follows the
+points it touches and not the points there are), and decimation between encoder layers
+(:func:`decimate`).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.config import Sampling
+
+_BLOCK = 512
+_ROUNDS = 4
+
+
+def raise_by_distance(
+    distances: NDArray[np.floating], weights: NDArray[np.floating] | float = 1.0
+) -> NDArray[np.float64]:
+    """What a draw adds to the zeta of its points, eq. 3.
+
+    Args:
+        distances: Distance of each drawn point to the center, shape (..., n); the largest of each
+            row is d_max. A row without extent (n = 1, duplicates) raises by the full weight.
+        weights: W of each point, broadcast against `distances`.
+
+    Returns:
+        sqrt(1 - d / d_max) W, the shape of `distances`, float64.
+    """
+    d_max = distances.max(axis=-1, keepdims=True)
+    ratio = np.divide(distances, d_max, out=np.zeros_like(distances), where=d_max > 0)
+    raised: NDArray[np.float64] = np.sqrt(1 - ratio) * weights
+    return raised
+
+
+class ZetaQueue:
+    """The zeta of many points, with the smallest at hand (eq. 1 and 2).
+
+    Args:
+        num_points: How many points.
+        rng: Draws the first zeta.
+    """
+
+    def __init__(self, num_points: int, rng: np.random.Generator) -> None:
+        self.num_points = num_points
+        blocks = -(-num_points // _BLOCK)
+        self._zeta = np.full(blocks * _BLOCK, np.inf)
+        self._zeta[:num_points] = rng.random(num_points)
+        self._minima = self._zeta.reshape(-1, _BLOCK).min(axis=1)
+
+    @property
+    def zeta(self) -> NDArray[np.float64]:
+        """The zeta of every point, shape (N,), float64; read only."""
+        view = self._zeta[: self.num_points]
+        view.flags.writeable = False
+        return view
+
+    def smallest(self) -> int:
+        """Index of the point with the smallest zeta."""
+        start = int(self._minima.argmin()) * _BLOCK
+        return start + int(self._zeta[start : start + _BLOCK].argmin())
+
+    def add(self, indices: NDArray[np.integer], amounts: NDArray[np.float64]) -> None:
+        """Raise points.
+
+        Args:
+            indices: The points, each at most once, shape (n,).
+            amounts: What each is raised by, not negative, shape (n,).
+        """
+        self._zeta[indices] += amounts
+        touched = np.unique(indices // _BLOCK)
+        self._minima[touched] = self._zeta.reshape(-1, _BLOCK)[touched].min(axis=1)
+
+
+def hash_uniform(keys: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+    """A number in [0, 1) for each key, the same whatever else there is.
+
+    Decimation draws its zeta by voxel key, so that a voxel's fate doesn't depend on the tile it was
+    seen in. The mixing is SplitMix64's finalizer (Steele et al., 2014).
+
+    Args:
+        keys: Voxel keys, shape (N,), int64.
+        seed: Selects the sequence.
+
+    Returns:
+        Shape (N,), float64.
+    """
+    mixed = keys.view(np.uint64) + np.uint64((seed * 0x9E3779B97F4A7C15) % 2**64)
+    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    mixed ^= mixed >> np.uint64(31)
+    return (mixed >> np.uint64(11)) * 2.0**-53
+
+
+def decimate(
+    zeta: NDArray[np.float64],
+    num_kept: int,
+    xyz: NDArray[np.float32],
+    neighbors: NDArray[np.int32],
+    sampling: Sampling = "mrs",
+) -> NDArray[np.int32]:
+    """Choose which points survive a layer.
+
+    Plain random keeps the smallest zeta. MRS chooses in a few rounds: those chosen in one round
+    raise their K neighbors by eq. 3 (W = 1), so that the next round falls elsewhere. A point is
+    chosen once at most.
+
+    Args:
+        zeta: U(0, 1) of each point, shape (N,), float64; left unchanged.
+        num_kept: How many survive, 1 <= num_kept <= N.
+        xyz: Positions, shape (N, 3), float32.
+        neighbors: Neighbor indices, shape (N, K), int32.
+        sampling: "mrs" or "random".
+
+    Returns:
+        Indices of the survivors, ascending (Morton order is kept), shape (num_kept,), int32.
+    """
+    rounds = _ROUNDS if sampling == "mrs" else 1
+    current = zeta.copy()
+    chosen: list[NDArray[np.intp]] = []
+    for quota in np.diff(np.linspace(0, num_kept, rounds + 1).round().astype(int)):
+        if not quota:
+            continue
+        picked = np.argpartition(current, quota - 1)[:quota]
+        chosen.append(picked)
+        if sampling == "mrs":
+            around = neighbors[picked]
+            distances = np.linalg.norm(xyz[around] - xyz[picked, None], axis=2)
+            raised = raise_by_distance(distances)
+            current += np.bincount(around.ravel(), raised.ravel(), minlength=len(current))
+        current[picked] = np.inf
+    return np.sort(np.concatenate(chosen)).astype(np.int32)

@@ -1,0 +1,103 @@
+"""Tiles: upright boxes of about equal point count, with a halo of context.
+
+A scan is cut in x and y along blocks of 16 x 16 voxels, each split at the median of what it holds,
+so that a dense spot under a scanner and an empty field give tiles that cost the same. A voxel lies
+in the core of exactly one tile; the halo lends a tile's border the neighbors it would have had.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.grid import decode_morton
+
+BLOCK = 16
+"""Edge of the blocks that tiles are made of, in voxels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A rectangle of blocks.
+
+    Attributes:
+        low: First block in x and y.
+        high: Block after the last in x and y.
+        num_points: Voxels in the core.
+    """
+
+    low: tuple[int, int]
+    high: tuple[int, int]
+    num_points: int
+
+
+class Tiling:
+    """Cuts voxels into tiles and finds each tile's voxels without scanning them all.
+
+    Args:
+        keys: Morton keys of the voxels, ascending, shape (N,), int64.
+        tile_points: A core holds at most so many voxels, unless a single block holds more.
+        halo: Context on each side, in voxels; rounded up to whole blocks.
+    """
+
+    def __init__(self, keys: NDArray[np.int64], tile_points: int, halo: int) -> None:
+        self.halo_blocks = -(-halo // BLOCK)
+        columns = (decode_morton(keys)[:, :2] // BLOCK).astype(np.int64)
+        packed = columns[:, 0] << 32 | columns[:, 1]
+        self._order = np.argsort(packed, kind="stable")
+        packed = packed[self._order]
+        is_start = np.ones(len(packed), dtype=bool)
+        is_start[1:] = packed[1:] != packed[:-1]
+        starts = np.flatnonzero(is_start)
+        self._bounds = np.append(starts, len(keys))
+        self._blocks = columns[self._order[starts]]
+        self.tiles = [self._tile(members) for members in self._split(tile_points)]
+
+    def members(self, tile: Tile) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """The voxels of a tile's core and halo.
+
+        Returns:
+            Indices into the voxels, ascending (so Morton order is kept), shape (M,), int64; and
+            whether each lies in the core, shape (M,), bool.
+        """
+        low = np.array(tile.low) - self.halo_blocks
+        high = np.array(tile.high) + self.halo_blocks
+        near = ((self._blocks >= low) & (self._blocks < high)).all(axis=1)
+        core = ((self._blocks >= tile.low) & (self._blocks < tile.high)).all(axis=1)
+        chosen = np.flatnonzero(near)
+        indices = np.concatenate(
+            [self._order[self._bounds[block] : self._bounds[block + 1]] for block in chosen]
+        )
+        sizes = self._bounds[chosen + 1] - self._bounds[chosen]
+        is_core = np.repeat(core[chosen], sizes)
+        order = np.argsort(indices)
+        return indices[order], is_core[order]
+
+    def _split(self, tile_points: int) -> Iterator[NDArray[np.int64]]:
+        """Halve the set of blocks, longer side first, until each part is small enough."""
+        sizes = np.diff(self._bounds)
+        pending = [np.arange(len(self._blocks))]
+        while pending:
+            members = pending.pop()
+            if not len(members):
+                continue
+            blocks = self._blocks[members]
+            extent = np.ptp(blocks, axis=0)
+            if sizes[members].sum() <= tile_points or not extent.any():
+                yield members
+                continue
+            axis = int(extent.argmax())
+            order = np.argsort(blocks[:, axis], kind="stable")
+            running = np.cumsum(sizes[members[order]])
+            middle = blocks[order[np.searchsorted(running, running[-1] / 2)], axis]
+            # The cut lies beside the middle row; both sides must keep at least one row.
+            cut = min(max(int(middle) + 1, blocks[:, axis].min() + 1), blocks[:, axis].max())
+            below = blocks[:, axis] < cut
+            pending += [members[~below], members[below]]
+
+    def _tile(self, members: NDArray[np.int64]) -> Tile:
+        blocks = self._blocks[members]
+        low, high = blocks.min(axis=0), blocks.max(axis=0) + 1
+        num_points = int(np.diff(self._bounds)[members].sum())
+        return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)

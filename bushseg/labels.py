@@ -33,15 +33,9 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from bushseg.builtin_schemes import ASPRS, BUSH, RELLIS, RELLIS11, SEMANTIC3D, SEMANTICKITTI
+from bushseg.codes import UNLABELLED, Encoded
 from bushseg.errors import SchemeError
-from bushseg.scheme import (
-    ASPRS_UNCLASSIFIED,
-    UNLABELLED,
-    UNLABELLED_INDEX,
-    ClassInfo,
-    ClassScheme,
-    Encoded,
-)
+from bushseg.scheme import ASPRS_UNCLASSIFIED, UNLABELLED_INDEX, ClassInfo, ClassScheme
 
 __all__ = [
     "ASPRS_UNCLASSIFIED",

@@ -8,26 +8,22 @@ cache know labels only. The schemes themselves, and reading a user's own, are in
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bushseg.errors import DataError, SchemeError
-
-UNLABELLED = -1
-"""The label of a point that has none; ignored in training and evaluation."""
+from bushseg.codes import UNKNOWN, UNLABELLED, Encoded, LabelArray, check_labels, look_up
+from bushseg.errors import SchemeError
 
 UNLABELLED_INDEX = 255
-"""The same in a file's `class_index` column, which is uint8 and has no -1."""
+"""The label -1 in a file's `class_index` column, which is uint8 and has no -1."""
 
 ASPRS_UNCLASSIFIED = 1
 """LAS's "processed, but no class found": what an unlabelled point is written as."""
 
 MAX_CODE = 65_535
-_UNKNOWN = -2
-_LARGEST_EXACT_FLOAT = 2.0**53
 
 Code = Annotated[int, Field(strict=True, ge=0, le=MAX_CODE)]
 AsprsCode = Annotated[int, Field(strict=True, ge=0, le=255)]
@@ -35,22 +31,7 @@ ClassName = Annotated[str, Field(max_length=64, pattern=r"^\w[\w /.-]*$")]
 BushClass = Literal[
     "ground", "low_vegetation", "bush", "tree", "building", "man_made", "vehicle_person"
 ]
-LabelArray = NDArray[np.int16]
 _Number = TypeVar("_Number", np.uint8, np.uint16, np.int16)
-
-
-class Encoded(NamedTuple):
-    """Codes turned into labels, and what could not be.
-
-    Attributes:
-        labels: Shape (N,), int16; -1 where the code means no label or isn't known.
-        unknown: Each whole number that is no code of the scheme, to how many points hold it.
-        invalid: How many values can't be a code at all: fractions, NaN, floats beyond 2^53.
-    """
-
-    labels: LabelArray
-    unknown: dict[int, int]
-    invalid: int
 
 
 class ClassInfo(BaseModel):
@@ -141,7 +122,7 @@ class ClassScheme(BaseModel):
         Raises:
             DataError: The codes aren't numbers.
         """
-        return _look_up(codes, self._labels_by_code)
+        return look_up(codes, self._labels_by_code)
 
     def decode(self, labels: NDArray[np.integer[Any]]) -> NDArray[np.uint16]:
         """Turn labels into the source codes to write, shape (N,), uint16.
@@ -157,10 +138,10 @@ class ClassScheme(BaseModel):
 
         Takes and reports the same as :meth:`encode`.
         """
-        table = np.full(UNLABELLED_INDEX + 1, _UNKNOWN, dtype=np.int16)
+        table = np.full(UNLABELLED_INDEX + 1, UNKNOWN, dtype=np.int16)
         table[: self.num_classes] = np.arange(self.num_classes)
         table[UNLABELLED_INDEX] = UNLABELLED
-        return _look_up(values, table)
+        return look_up(values, table)
 
     def decode_indices(self, labels: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
         """Turn labels into a `class_index` column, shape (N,), uint8; -1 becomes 255.
@@ -229,7 +210,7 @@ class ClassScheme(BaseModel):
     @cached_property
     def _labels_by_code(self) -> LabelArray:
         """The label of every possible code, shape (65536,)."""
-        table = np.full(MAX_CODE + 1, _UNKNOWN, dtype=np.int16)
+        table = np.full(MAX_CODE + 1, UNKNOWN, dtype=np.int16)
         table[list(self.unlabelled)] = UNLABELLED
         for label, info in enumerate(self.classes):
             table[list(info.codes)] = label
@@ -243,35 +224,6 @@ class ClassScheme(BaseModel):
         dtype: type[_Number],
     ) -> NDArray[_Number]:
         """Give each label its value."""
-        if len(labels) and not (labels.min() >= UNLABELLED and labels.max() < self.num_classes):
-            wrong = labels.min() if labels.min() < UNLABELLED else labels.max()
-            raise DataError(
-                f"label {wrong} is not in scheme {self.name!r}; expected -1 .. "
-                f"{self.num_classes - 1}"
-            )
+        check_labels(labels, self.num_classes)
         # The unlabelled value comes last, where index -1 finds it.
         return np.array([*values, unlabelled], dtype=dtype).take(labels)
-
-
-def _look_up(values: NDArray[Any], table: LabelArray) -> Encoded:
-    """Look each value up in a table of labels, whatever the values are."""
-    kind = values.dtype.kind
-    if kind not in "buif":
-        raise DataError(f"class codes have dtype {values.dtype}; expected numbers")
-    whole = np.ones(len(values), dtype=np.bool_)
-    if kind == "u" and np.iinfo(values.dtype).max < len(table):
-        labels = table[values]
-    else:
-        if kind == "f":
-            values = values.astype(np.float64, copy=False)
-            whole = (np.abs(values) <= _LARGEST_EXACT_FLOAT) & (values == np.floor(values))
-        inside = whole & (values >= 0) & (values < len(table))
-        labels = np.full(len(values), _UNKNOWN, dtype=np.int16)
-        labels[inside] = table[values[inside].astype(np.intp)]
-    strange = labels == _UNKNOWN
-    if not strange.any():
-        return Encoded(labels, {}, 0)
-    labels[strange] = UNLABELLED
-    found, counts = np.unique(values[strange & whole], return_counts=True)
-    unknown = {int(code): int(count) for code, count in zip(found, counts, strict=True)}
-    return Encoded(labels, unknown, int(np.count_nonzero(~whole)))

@@ -1,0 +1,226 @@
+"""The file a LAS writer fills: header, VLRs, points, EVLRs, and the header once more.
+
+Counts and bounds are only known at the end, so the header is written twice. Points are compressed
+by lazrs, in parallel, which gives the same bytes as its sequential compressor in half the time on
+two cores.
+"""
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import lazrs
+import numpy as np
+
+from bushseg.errors import WriteError
+from bushseg.io.las_header import (
+    COMPRESSED_BIT,
+    EVLR_HEAD,
+    HEADER_1_4,
+    HEADER_1_4_AT,
+    RECORD_SIZES,
+    VLR_HEAD,
+    WAVEFORM_AT,
+    WAVEFORM_START,
+)
+from bushseg.io.las_points import PointLayout, Records
+from bushseg.io.laz import LASZIP_RECORD, lazrs_errors
+
+_MINOR_AT = 25
+_PLACES_AT = struct.Struct("<II"), 96  # point offset, number of VLRs
+_RECORD_AT = struct.Struct("<BH"), 104  # point format, record length
+_LEGACY_AT = struct.Struct("<6I"), 107  # points, points of the first five returns
+_SCALES_AT = struct.Struct("<6d"), 131
+_BOUNDS_AT = struct.Struct("<6d"), 179
+_MAX_LEGACY = 0xFFFFFFFF
+_COPY_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Evlr:
+    """An EVLR to be written.
+
+    Attributes:
+        head: Its own header, 60 bytes.
+        offset: Where its payload is in the file it is copied from, in bytes.
+        is_waveform: Whether the header has to say where it went.
+    """
+
+    head: bytes
+    offset: int
+    is_waveform: bool
+
+
+def pack_vlr(key: tuple[str, int], description: str, payload: bytes) -> bytes:
+    """A whole VLR."""
+    user_id, record_id = key
+    head = VLR_HEAD.pack(0, user_id.encode(), record_id, len(payload), description.encode())
+    return head + payload
+
+
+class LasSink:
+    """A LAS or LAZ file being written; which one is told by the path's last suffix.
+
+    Args:
+        path: The file to write.
+        header: A header of the version wanted; its counts, bounds and offsets are replaced.
+        layout: The fields of each record.
+        vlrs: Whole VLRs, without a LASzip one.
+        gap: Bytes that stand between the VLRs and the points and belong to neither.
+
+    Raises:
+        WriteError: The file can't be written, or has no room for so many VLRs.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        header: bytes,
+        layout: PointLayout,
+        vlrs: Sequence[bytes],
+        gap: bytes = b"",
+    ) -> None:
+        self._path = path
+        self._header = bytearray(header)
+        self._layout = layout
+        self._minor = header[_MINOR_AT]
+        self._num_points = 0
+        self._returns = np.zeros(16, np.int64)
+        self._low = np.full(3, np.iinfo(np.int64).max)
+        self._high = np.full(3, np.iinfo(np.int64).min)
+        self._compressor: Any = None
+        num_extra = layout.dtype.itemsize - RECORD_SIZES[layout.point_format]
+        laszip = None
+        if path.suffix.lower() == ".laz":
+            laszip = lazrs.LazVlr.new_for_compression(layout.point_format, num_extra)
+            vlrs = [*vlrs, pack_vlr(LASZIP_RECORD, "LASzip by laz-rs", laszip.record_data())]
+        point_offset = len(header) + sum(map(len, vlrs)) + len(gap)
+        if point_offset > _MAX_LEGACY:
+            raise WriteError(f"{path}: {point_offset:,} bytes of VLRs; LAS has room for 4 GiB")
+        self._pack(_PLACES_AT, point_offset, len(vlrs))
+        compressed = COMPRESSED_BIT if laszip is not None else 0
+        self._pack(_RECORD_AT, layout.point_format | compressed, layout.dtype.itemsize)
+        with self._write_errors():
+            self._file: BinaryIO = path.open("wb")
+        with self._write_errors():
+            self._file.write(self._header)
+            self._file.writelines(vlrs)
+            self._file.write(gap)
+            if laszip is not None:
+                self._compressor = lazrs.ParLasZipCompressor(self._file, laszip)
+
+    def append(self, records: Records) -> None:
+        """Write point records of the sink's layout, shape (N,).
+
+        Raises:
+            WriteError: The disk is full, or the version can't count so many points.
+        """
+        if not len(records):
+            return
+        self._num_points += len(records)
+        if self._minor < 4 and self._num_points > _MAX_LEGACY:
+            self._file.close()
+            raise WriteError(
+                f"{self._path}: LAS 1.{self._minor} holds {_MAX_LEGACY:,} points at most; "
+                "split the scan or make it LAS 1.4"
+            )
+        mask = 0x07 if self._layout.point_format < 6 else 0x0F
+        self._returns += np.bincount(records["bit_fields"] & mask, minlength=16)
+        for axis, name in enumerate("XYZ"):
+            self._low[axis] = min(self._low[axis], records[name].min())
+            self._high[axis] = max(self._high[axis], records[name].max())
+        raw = np.ascontiguousarray(records).view(np.uint8)
+        with self._write_errors():
+            if self._compressor is None:
+                self._file.write(raw.data)
+            else:
+                self._compressor.compress_many(raw)
+
+    def finish(self, evlrs: Sequence[Evlr] = (), source: BinaryIO | None = None) -> None:
+        """Write the EVLRs, then the counts, the bounds and where everything is.
+
+        Args:
+            evlrs: What to copy behind the points.
+            source: The file they are copied from.
+
+        Raises:
+            WriteError: The disk is full.
+        """
+        with self._write_errors():
+            if self._compressor is not None:
+                self._compressor.done()
+            self._file.seek(0, 2)
+            first_evlr = self._file.tell() if evlrs else 0
+            for evlr in evlrs:
+                assert source is not None
+                if evlr.is_waveform:
+                    WAVEFORM_START.pack_into(self._header, WAVEFORM_AT, self._file.tell())
+                self._file.write(evlr.head)
+                length = EVLR_HEAD.unpack(evlr.head)[3]
+                _copy_range(source, self._file, evlr.offset, length)
+            self._pack_counts(first_evlr, len(evlrs))
+            self._pack_bounds()
+            self._file.seek(0)
+            self._file.write(self._header)
+            self._file.close()
+
+    def close(self) -> None:
+        """Release the file, finished or not."""
+        self._compressor = None
+        self._file.close()
+
+    def _pack(self, place: tuple[struct.Struct, int], *values: float) -> None:
+        layout, at = place
+        layout.pack_into(self._header, at, *values)
+
+    def _pack_counts(self, first_evlr: int, num_evlrs: int) -> None:
+        by_return = self._returns[1:].tolist()
+        # Formats 6 to 10 leave the counts of LAS 1.0 to 1.3 at 0 (LAS 1.4 R15, 2.4).
+        legacy = self._layout.point_format < 6 and self._num_points <= _MAX_LEGACY
+        self._pack(_LEGACY_AT, *([self._num_points, *by_return[:5]] if legacy else [0] * 6))
+        if self._minor >= 4:
+            place = HEADER_1_4, HEADER_1_4_AT
+            self._pack(place, first_evlr, num_evlrs, self._num_points, *by_return)
+
+    def _pack_bounds(self) -> None:
+        """Replace each bound that is off by more than rounding; a right one keeps its bits."""
+        numbers = np.array(_SCALES_AT[0].unpack_from(self._header, _SCALES_AT[1]))
+        scales, offsets = numbers[:3], numbers[3:]
+        ends = np.stack([self._low, self._high]) * scales + offsets
+        bounds = np.stack([ends.max(axis=0), ends.min(axis=0)], axis=1)
+        before = np.array(_BOUNDS_AT[0].unpack_from(self._header, _BOUNDS_AT[1])).reshape(3, 2)
+        keep = np.abs(before - bounds) <= np.abs(scales[:, np.newaxis]) / 2
+        self._pack(_BOUNDS_AT, *np.where(keep, before, bounds).ravel().tolist())
+
+    @contextmanager
+    def _write_errors(self) -> Iterator[None]:
+        """Turn what the disk and lazrs refuse into a WriteError, and let go of the file."""
+        path = self._path
+        try:
+            with lazrs_errors(lambda reason: WriteError(f"{path}: can't compress ({reason})")):
+                yield
+        except OSError as error:
+            self._release()
+            raise WriteError(f"{path}: can't write ({error.strerror or error})") from error
+        except BaseException:
+            self._release()
+            raise
+
+    def _release(self) -> None:
+        if hasattr(self, "_file"):
+            self.close()
+
+
+def _copy_range(source: BinaryIO, target: BinaryIO, offset: int, length: int) -> None:
+    """Copy bytes without holding all of them."""
+    source.seek(offset)
+    left = length
+    while left:
+        piece = source.read(min(left, _COPY_BYTES))
+        if not piece:
+            raise WriteError(f"{source.name}: shrank while it was read; run again")
+        target.write(piece)
+        left -= len(piece)

@@ -201,7 +201,8 @@ def _read_headers(path: Path, libe57: Any, root: Any) -> list[_Scan]:
         if node.isDefined("points") and node["points"].childCount() > 0
     ]
     if not scans:
-        raise ReadError(path, f"{len(nodes)} scans with 0 points", "a scan with at least one")
+        found = f"{len(nodes)} scans without points" if nodes else "no scans"
+        raise ReadError(path, found, "at least one scan with points")
     return scans
 
 

@@ -33,6 +33,7 @@ _TYPE_SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
 _DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 _MAX_LINE_BYTES = 1 << 16
+_MAX_DIGITS = 20
 _MAX_HEADER_LINES = 1000
 _MAX_FIELDS = 10_000
 _MAX_COUNT = 1 << 20
@@ -186,9 +187,9 @@ def _parse_dtype(path: Path, entries: Mapping[str, list[str]]) -> np.dtype[Any]:
 def _integers(
     path: Path, entries: Mapping[str, list[str]], key: str, default: str = ""
 ) -> list[int]:
-    """The numbers of a header line, none negative or beyond 2^63."""
+    """The numbers of a header line, none negative."""
     words = entries.get(key, default.split())
-    if not words or not all(word.isdecimal() and len(word) < 19 for word in words):
+    if not words or not all(word.isdecimal() and len(word) <= _MAX_DIGITS for word in words):
         found = f"{key} {' '.join(words)[:60]}".rstrip() if key in entries else f"no {key} line"
         raise ReadError(path, found, f"{key} followed by whole numbers")
     return [int(word) for word in words]

@@ -46,6 +46,7 @@ _TYPES = {
     "float64": "f8",
 }
 _MAX_HEADER_BYTES = 1 << 20
+_MAX_DIGITS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +169,7 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
                 break
             case ["format", ply_format, "1.0"] if ply_format in _BYTE_ORDERS and not elements:
                 order = _BYTE_ORDERS[ply_format]
-            case ["element", name, count] if order and count.isdecimal() and len(count) < 19:
+            case ["element", name, count] if order and count.isdecimal() and len(count) <= _MAX_DIGITS:
                 elements.append(_Element(name, int(count), []))
             case ["property", "list", length, kind, name] if (
                 elements and kind in _TYPES and _TYPES.get(length, "f")[0] != "f"

@@ -5,6 +5,7 @@ Columns of codes come in any dtype and with any content: the lookup never indexe
 says what it did not find.
 """
 
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,39 @@ class Encoded(NamedTuple):
     invalid: int
 
 
+@dataclass
+class UnknownCodes:
+    """What a whole column held that its scheme doesn't know.
+
+    Attributes:
+        codes: Each unknown code, to how many points hold it.
+        invalid: How many values can't be a code at all, such as NaN.
+    """
+
+    codes: dict[int, int] = field(default_factory=dict)
+    invalid: int = 0
+
+    @property
+    def num_points(self) -> int:
+        """How many points hold something unknown."""
+        return sum(self.codes.values()) + self.invalid
+
+    def add(self, encoded: Encoded) -> None:
+        """Count what one more lookup didn't find."""
+        for code, count in encoded.unknown.items():
+            self.codes[code] = self.codes.get(code, 0) + count
+        self.invalid += encoded.invalid
+
+    def __str__(self) -> str:
+        most = sorted(self.codes.items(), key=lambda item: -item[1])
+        parts = [f"{code} ({count:,})" for code, count in most[:10]]
+        if len(most) > 10:
+            parts.append(f"{len(most) - 10} more")
+        if self.invalid:
+            parts.append(f"no code at all ({self.invalid:,})")
+        return ", ".join(parts)
+
+
 def look_up(values: NDArray[Any], table: LabelArray) -> Encoded:
     """Look each value up in a table of labels, whatever the values are.
 
@@ -45,11 +79,13 @@ def look_up(values: NDArray[Any], table: LabelArray) -> Encoded:
         table: The label of each code from 0 on, :data:`UNKNOWN` where there is none; int16.
 
     Raises:
-        DataError: The values aren't numbers.
+        DataError: The values aren't numbers, or not one a point.
     """
     kind = values.dtype.kind
     if kind not in "buif":
         raise DataError(f"class codes have dtype {values.dtype}; expected numbers")
+    if values.ndim != 1:
+        raise DataError(f"class codes have shape {values.shape}; expected one a point")
     whole = np.ones(len(values), dtype=np.bool_)
     if kind == "u" and np.iinfo(values.dtype).max < len(table):
         labels = table[values]

@@ -41,7 +41,7 @@ class VoxelGrid:
         """The grid whose middle voxel holds `anchor`, a finite point of the scan, shape (3,)."""
         point = np.asarray(anchor, dtype=np.float64)
         if point.shape != (3,) or not np.isfinite(point).all():
-            raise ConfigError(f"the grid's anchor is {anchor}; expected three finite coordinates")
+            raise ConfigError(f"the grid's anchor is {anchor!r}; expected three finite coordinates")
         return cls(point - (2 ** (AXIS_BITS - 1) + _OFFSET) * voxel_size, voxel_size)
 
     def keys(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:

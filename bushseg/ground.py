@@ -70,6 +70,6 @@ def _ground_raster(
     ring[middle - 1 : middle + 2, middle - 1 : middle + 2] = False
     around = ndimage.grey_erosion(lowest, footprint=ring)
     cleaned = np.where(lowest < around - PIT_DEPTH, around, lowest)
-    opened = ndimage.grey_opening(cleaned, size=window)
+    opened = ndimage.grey_opening(cleaned, size=(window, window))
     raster: NDArray[np.float64] = ndimage.gaussian_filter(opened, sigma=1.0, mode="nearest")
     return raster

@@ -11,6 +11,8 @@ points it touches and not the points there are), and decimation between encoder 
 (:func:`decimate`).
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +23,7 @@ _ROUNDS = 4
 
 
 def raise_by_distance(
-    distances: NDArray[np.floating], weights: NDArray[np.floating] | float = 1.0
+    distances: NDArray[Any], weights: NDArray[Any] | float = 1.0
 ) -> NDArray[np.float64]:
     """What a draw adds to the zeta of its points, eq. 3.
 
@@ -35,8 +37,7 @@ def raise_by_distance(
     """
     d_max = distances.max(axis=-1, keepdims=True)
     ratio = np.divide(distances, d_max, out=np.zeros_like(distances), where=d_max > 0)
-    raised: NDArray[np.float64] = np.sqrt(1 - ratio) * weights
-    return raised
+    return np.asarray(np.sqrt(1 - ratio) * weights, dtype=np.float64)
 
 
 class ZetaQueue:
@@ -122,7 +123,7 @@ def decimate(
         Indices of the survivors, ascending (Morton order is kept), shape (num_kept,), int32.
     """
     rounds = _ROUNDS if sampling == "mrs" else 1
-    current = zeta.copy()
+    current: NDArray[np.float64] = zeta.copy()
     chosen: list[NDArray[np.intp]] = []
     for quota in np.diff(np.linspace(0, num_kept, rounds + 1).round().astype(int)):
         if not quota:

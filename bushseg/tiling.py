@@ -63,9 +63,8 @@ class Tiling:
         """
         low = np.array(tile.low) - self.halo_blocks
         high = np.array(tile.high) + self.halo_blocks
-        near = ((self._blocks >= low) & (self._blocks < high)).all(axis=1)
-        core = ((self._blocks >= tile.low) & (self._blocks < tile.high)).all(axis=1)
-        chosen = np.flatnonzero(near)
+        chosen = np.flatnonzero(self._within(low, high))
+        core = self._within(np.array(tile.low), np.array(tile.high))
         indices = np.concatenate(
             [self._order[self._bounds[block] : self._bounds[block + 1]] for block in chosen]
         )
@@ -73,6 +72,11 @@ class Tiling:
         is_core = np.repeat(core[chosen], sizes)
         order = np.argsort(indices)
         return indices[order], is_core[order]
+
+    def _within(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which blocks lie in a rectangle, shape (B,)."""
+        x, y = self._blocks.T
+        return (x >= low[0]) & (x < high[0]) & (y >= low[1]) & (y < high[1])
 
     def _split(self, tile_points: int) -> Iterator[NDArray[np.int64]]:
         """Halve the set of blocks, longer side first, until each part is small enough."""

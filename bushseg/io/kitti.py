@@ -75,7 +75,7 @@ def open_kitti(path: Path) -> ScanReader:
     num_points = size // _DTYPE.itemsize
     _check_coordinates(path)
     attributes: dict[str, np.dtype[Any]] = {"intensity": np.dtype("f4")}
-    label_path = _find_labels(path)
+    label_path = find_labels(path)
     if label_path is not None:
         check_file(label_path)
         num_labels = check_label_size(label_path)
@@ -101,11 +101,11 @@ def open_kitti(path: Path) -> ScanReader:
 def _check_coordinates(path: Path) -> None:
     """Refuse bytes that are not float32 coordinates: the format has no header to tell by."""
     points = np.fromfile(path, dtype=_DTYPE, count=CHUNK_POINTS)
-    xyz = np.stack([points[name] for name in ("x", "y", "z")])
-    if not xyz.any():
+    size = np.abs(np.stack([points[name] for name in ("x", "y", "z")]))
+    zero = size == 0
+    if zero.all():
         raise ReadError(path, "nothing but zeros", "points; copy or download the file again")
-    size = np.abs(xyz)
-    plausible = (size == 0) | ((size >= _SMALLEST_COORDINATE) & (size <= _LARGEST_COORDINATE))
+    plausible = zero | ((size >= _SMALLEST_COORDINATE) & (size <= _LARGEST_COORDINATE))
     if plausible.mean() < 0.5:
         raise ReadError(
             path,
@@ -115,7 +115,7 @@ def _check_coordinates(path: Path) -> None:
         )
 
 
-def _find_labels(path: Path) -> Path | None:
+def find_labels(path: Path) -> Path | None:
     """The frame's labels, if they stand where they are looked for."""
     beside = path.with_suffix(".label")
     sibling = _LABEL_FOLDERS.get(path.parent.name)

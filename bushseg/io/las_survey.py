@@ -105,7 +105,7 @@ def survey(source: ScanReader) -> Survey:
             name: np.dtype((column.dtype, column.shape[1:]))
             for name, column in chunk.attributes.items()
         }
-    offsets = np.rint((low + high) / 2)
+    offsets = np.rint((low + high) / 2) + 0.0  # not -0.0
     reach = float(max(np.abs(high - offsets).max(), np.abs(low - offsets).max()))
     return Survey(
         np.full(3, _choose_scale(path, float((high - low).max()), reach)),

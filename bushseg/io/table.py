@@ -113,8 +113,9 @@ class TableReader(ScanReader):
 
     def _point_cloud(self, table: Table) -> PointCloud:
         xyz = np.empty((len(table), 3), dtype=np.float64)
-        for axis, name in enumerate(self._coordinates):
-            xyz[:, axis] = table[name]
+        with np.errstate(invalid="ignore"):  # a signaling NaN is as good a NaN as any
+            for axis, name in enumerate(self._coordinates):
+                xyz[:, axis] = table[name]
         # Copies, so that a cloud doesn't keep the whole table (or a mapped file) alive.
         attributes = {
             name: np.array(table[name], dtype=dtype.base)
@@ -151,7 +152,9 @@ class TableWriter(ScanWriter):
 
     def _column_name(self, name: str) -> str:
         """The column's name as the format can hold it."""
-        return re.sub(r"[^!-~]+", "_", name) or "_"
+        printable = re.sub(r"[^!-~]+", "_", name)
+        # A bare "_" is PCD's name for padding, which readers drop.
+        return printable if printable.strip("_") else "column"
 
     def _column_dtype(self, dtype: np.dtype[Any]) -> np.dtype[Any]:
         """The type the format stores values of `dtype` as; numbers of any size by default."""

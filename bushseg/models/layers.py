@@ -58,11 +58,5 @@ def in_chunks(function: Callable[..., Tensor], size: int, *rows: Tensor) -> Tens
     num_rows = len(rows[0])
     if torch.is_grad_enabled() or num_rows <= size:
         return function(*rows)
-    chunks = zip(*(tensor.split(size) for tensor in rows), strict=True)
-    first = function(*next(chunks))
-    result = first.new_empty(num_rows, *first.shape[1:])
-    result[:size] = first
-    for index, chunk in enumerate(chunks, start=1):
-        part = function(*chunk)
-        result[index * size : index * size + len(part)] = part
-    return result
+    starts = range(0, num_rows, size)
+    return torch.cat([function(*(tensor[s : s + size] for tensor in rows)) for s in starts])

@@ -1,0 +1,152 @@
+"""Models on disk: one safetensors file that can be used with nothing else.
+
+Its metadata hold the classes, the features, the grid, the network's settings and what the model was
+trained on. Nothing is unpickled; a network is only built once its settings and tensors agree.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from pydantic import Field, ValidationError
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from bushseg.config import NetworkConfig, PrepareConfig, Section
+from bushseg.errors import CheckpointError
+from bushseg.features import FEATURES
+from bushseg.files import atomic_path
+from bushseg.models.bushnet import BushNet
+from bushseg.scheme import ClassScheme
+
+MODEL_VERSION = 1
+_CARD = "bushseg"
+_WEIGHTS = "network."
+
+
+class ModelCard(Section):
+    """What a model is and what it expects."""
+
+    version: int = Field(MODEL_VERSION, description="Version of this format")
+    scheme: ClassScheme = Field(description="The classes it tells apart")
+    features: tuple[str, ...] = Field(description="Input features, in order")
+    optional_features: tuple[str, ...] = Field(
+        (), description="Those it learnt to do without (feature drop-out)"
+    )
+    prepare: PrepareConfig = Field(description="How its data were prepared")
+    network: NetworkConfig = Field(description="The network's settings")
+    neighbor_distance: tuple[float, float] = Field(
+        description="Least and greatest median distance to the K-th neighbor in its data, metres"
+    )
+    metrics: dict[str, float | None] = Field(
+        default_factory=dict, description="On the held-out split, at the epoch it was saved"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A network and its card.
+
+    Attributes:
+        card: What it is.
+        network: The network, in evaluation mode.
+        path: Where it was read from; None for one just trained.
+    """
+
+    card: ModelCard
+    network: BushNet
+    path: Path | None = None
+
+
+def build_network(card: ModelCard) -> BushNet:
+    """A network of random weights that fits a card."""
+    num_features = sum(FEATURES[name] for name in card.features)
+    return BushNet(num_features, card.scheme.num_classes, card.network)
+
+
+def save_model(
+    path: Path,
+    card: ModelCard,
+    network: BushNet,
+    *,
+    extra: Mapping[str, Tensor] | None = None,
+    state: Mapping[str, Any] | None = None,
+) -> None:
+    """Write a model, whole or not at all.
+
+    Args:
+        path: The file.
+        card: Its card.
+        network: Its weights.
+        extra: Further tensors, for training to go on from.
+        state: Further plain values, likewise.
+    """
+    tensors = {_WEIGHTS + name: tensor for name, tensor in network.state_dict().items()}
+    tensors |= dict(extra or {})
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    metadata = {_CARD: card.model_dump_json(), "state": json.dumps(state or {})}
+    with atomic_path(path) as partial:
+        save_file(tensors, partial, metadata=metadata)
+
+
+def load_model(path: Path) -> Model:
+    """Read a model.
+
+    Raises:
+        CheckpointError: The file is missing, no model, damaged, or of another version.
+    """
+    card, _, tensors = load_checkpoint(path)
+    weights = {
+        name.removeprefix(_WEIGHTS): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(_WEIGHTS)
+    }
+    # Built without memory first: settings that ask for absurd widths fail before they are met.
+    with torch.device("meta"):
+        network = build_network(card)
+    try:
+        network.load_state_dict(weights, assign=True)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise CheckpointError(f"{path}: its weights don't fit its settings ({reason})") from error
+    return Model(card, network.eval(), path)
+
+
+def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Tensor]]:
+    """Read a file that :func:`save_model` wrote.
+
+    Returns:
+        The card, the plain training state (empty in a finished model), and all tensors.
+
+    Raises:
+        CheckpointError: As :func:`load_model`.
+    """
+    if not path.is_file():
+        raise CheckpointError(f"{path}: no such file; `bushseg models` lists the models there are")
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError, ValueError) as error:
+        raise CheckpointError(f"{path}: is no intact safetensors file ({error})") from error
+    if _CARD not in metadata:
+        raise CheckpointError(f"{path}: holds tensors but no model of bushseg's")
+    try:
+        values = json.loads(metadata[_CARD])
+        if values.get("version") != MODEL_VERSION:
+            raise CheckpointError(
+                f"{path}: is a model of version {values.get('version')}; expected {MODEL_VERSION}"
+            )
+        card = ModelCard.model_validate(values)
+        state = json.loads(metadata.get("state", "{}"))
+    except (json.JSONDecodeError, AttributeError, ValidationError) as error:
+        reason = str(error).splitlines()[0]
+        raise CheckpointError(f"{path}: its model card can't be read ({reason})") from error
+    unknown = [name for name in card.features if name not in FEATURES]
+    if unknown or not card.features:
+        raise CheckpointError(f"{path}: wants features {unknown}; known are {', '.join(FEATURES)}")
+    return card, state, tensors

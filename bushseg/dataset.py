@@ -1,0 +1,231 @@
+"""A prepared data set, opened for training."""
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from bushseg.cache import load_tensors, load_tile, member, pyramid_from_tensors, read_json
+from bushseg.config import PrepareConfig, TrainConfig
+from bushseg.crops import CropSampler, class_weights, enough_crops
+from bushseg.errors import CacheError, ConfigError, DataError
+from bushseg.features import FEATURES
+from bushseg.prepare import DATASET, MANIFEST, crop_name, tile_name
+from bushseg.pyramid import Pyramid, build_pyramid
+from bushseg.scheme import ClassScheme
+from bushseg.tile_data import TileData
+
+_OPEN_TILES = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One crop, ready to be augmented and fed to a network.
+
+    Attributes:
+        xyz: Metres from a nearby origin, (N, 3) float32.
+        normals: Unit normals, (N, 3) float32.
+        features: Feature name to (N, columns) float32.
+        labels: Class index or -1, (N,) int64.
+        pyramid: Indices of all levels.
+    """
+
+    xyz: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    features: Mapping[str, NDArray[np.float32]]
+    labels: NDArray[np.int64]
+    pyramid: Pyramid
+
+
+@dataclass(frozen=True, slots=True)
+class TileEntry:
+    """A tile of the data set.
+
+    Attributes:
+        scan: Index of its scan.
+        path: Its file.
+        core_size: Voxels in its core.
+        class_counts: Labelled voxels per class in its core.
+        neighbor_distance: Median distance to the K-th neighbor, metres.
+    """
+
+    scan: int
+    path: Path
+    core_size: int
+    class_counts: tuple[int, ...]
+    neighbor_distance: float
+
+
+class Dataset:
+    """What `prepare` wrote.
+
+    Attributes:
+        config: The settings it was prepared with.
+        scheme: Its classes.
+        features: Features it has in every scan, in network order.
+        scans: Each scan's path, as it was given to prepare.
+        tiles: All tiles.
+        crop_tiles: The tile of each cached crop.
+
+    Args:
+        folder: The data set's folder.
+
+    Raises:
+        CacheError: There is none, or it is damaged.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        values = read_json(self.folder / DATASET)
+        try:
+            self.config = PrepareConfig.model_validate(values["config"])
+            self.scheme = ClassScheme.model_validate(values["scheme"])
+            self.features = tuple(name for name in FEATURES if name in values["features"])
+            self.scans = [str(scan["path"]) for scan in values["scans"]]
+            self._labelled = [bool(scan["has_labels"]) for scan in values["scans"]]
+            self.tiles = [
+                TileEntry(
+                    scan=number,
+                    path=member(self.folder, scan["folder"]) / tile_name(index),
+                    core_size=int(tile["core_size"]),
+                    class_counts=tuple(tile["class_counts"]),
+                    neighbor_distance=float(tile["neighbor_distance"]),
+                )
+                for number, scan in enumerate(values["scans"])
+                for index, tile in enumerate(scan["tiles"])
+            ]
+            self._crops = member(self.folder, values["crops"])
+            self.crop_tiles = [int(tile) for tile in read_json(self._crops / MANIFEST)["tiles"]]
+        except (KeyError, TypeError, ValueError, ValidationError) as error:
+            reason = str(error).splitlines()[0]
+            raise CacheError(
+                f"{self.folder / DATASET}: can't be used ({reason}); run `bushseg prepare` again"
+            ) from error
+        self._open: OrderedDict[int, TileData] = OrderedDict()
+
+    def tile(self, number: int) -> TileData:
+        """A tile by its index; the last few stay in memory.
+
+        Raises:
+            CacheError: Its file is missing or damaged.
+        """
+        tile = self._open.pop(number, None)
+        if tile is None:
+            tile = load_tile(self.tiles[number].path)
+        self._open[number] = tile
+        if len(self._open) > _OPEN_TILES:
+            self._open.popitem(last=False)
+        return tile
+
+    def cached_sample(self, number: int) -> Sample:
+        """A crop that prepare drew.
+
+        Raises:
+            CacheError: Its file is missing or damaged.
+        """
+        tensors = load_tensors(self._crops / crop_name(number))
+        tile = self.tile(self.crop_tiles[number])
+        indices = tensors.pop("indices", None)
+        if indices is None or not len(indices) or indices.max() >= len(tile) or indices.min() < 0:
+            raise CacheError(
+                f"crop {number} of {self._crops} doesn't fit its tile; run `bushseg prepare` again"
+            )
+        return self._sample(tile, indices, pyramid_from_tensors(tensors, len(indices)))
+
+    def fresh_sample(self, number: int, indices: NDArray[np.int32]) -> Sample:
+        """A crop drawn just now, some points of a tile; its pyramid is built here."""
+        tile = self.tile(number)
+        pyramid = build_pyramid(
+            tile.xyz[indices],
+            tile.keys[indices],
+            num_neighbors=self.config.num_neighbors,
+            num_levels=self.config.num_levels,
+            decimation=self.config.decimation,
+            sampling=self.config.sampling,
+            seed=self.config.seed,
+        )
+        return self._sample(tile, indices, pyramid)
+
+    def sampler(self, tiles: Sequence[int], rng: np.random.Generator) -> CropSampler:
+        """Draws fresh crops from some of the tiles; its crops number the tiles as `tiles` does."""
+        return CropSampler(
+            [self.tiles[number].core_size for number in tiles],
+            lambda index: self.tile(tiles[index]),
+            self.config.crop_points,
+            class_weights(self.class_counts(tiles)),
+            rng,
+        )
+
+    def num_fresh(self, tiles: Sequence[int]) -> int:
+        """How many fresh crops hold every point of these tiles about twice."""
+        size = sum(self.tiles[number].core_size for number in tiles)
+        return enough_crops(size, self.config.crop_points)
+
+    def class_counts(self, tiles: Sequence[int]) -> NDArray[np.int64]:
+        """Labelled voxels per class in some of the tiles, shape (C,)."""
+        return np.sum([self.tiles[number].class_counts for number in tiles], axis=0, dtype=np.int64)
+
+    def split(self, config: TrainConfig) -> tuple[list[int], list[int]]:
+        """Which tiles train and which are held out: whole scans or whole tiles, never points.
+
+        Tiles of scans without labels are in neither.
+
+        Returns:
+            Tile indices to train on, and those held out.
+
+        Raises:
+            ConfigError: `validation` can't be understood or names no scan of the data set.
+            DataError: Nothing labelled is left to train on.
+        """
+        usable = [n for n, tile in enumerate(self.tiles) if self._labelled[tile.scan]]
+        held = self._held_out(usable, config)
+        train = [number for number in usable if number not in held]
+        if not train:
+            raise DataError(
+                f"{self.folder}: holds no labelled tile to train on ({len(self.tiles)} tiles, "
+                f"{len(held)} held out); prepare labelled scans, or pass --validation none"
+            )
+        return train, sorted(held)
+
+    def _held_out(self, usable: Sequence[int], config: TrainConfig) -> set[int]:
+        scans = sorted({self.tiles[number].scan for number in usable})
+        how = config.validation
+        rng = np.random.default_rng(config.seed)
+        if how.startswith("scan:"):
+            wanted = [self._scan(name.strip()) for name in how.removeprefix("scan:").split(",")]
+        elif how == "none" or (how == "auto" and len(usable) < 2):
+            wanted = []
+        elif how == "auto" and len(scans) > 1:
+            count = min(len(scans) - 1, max(1, round(config.validation_share * len(scans))))
+            wanted = rng.permutation(scans)[:count].tolist()
+        elif how in ("tile", "auto"):
+            count = min(len(usable) - 1, max(1, round(config.validation_share * len(usable))))
+            return set(rng.permutation(usable)[:count].tolist())
+        else:
+            raise ConfigError(
+                f"validation is {how!r}; expected auto, tile, none or scan:NAME[,NAME...]"
+            )
+        return {number for number in usable if self.tiles[number].scan in wanted}
+
+    def _scan(self, name: str) -> int:
+        """The scan of that path, file name or stem."""
+        for number, scan in enumerate(self.scans):
+            path = Path(scan)
+            if name in (scan, path.name, path.stem):
+                return number
+        known = ", ".join(Path(scan).stem for scan in self.scans)
+        raise ConfigError(f"validation names scan {name!r}; the data set holds {known}")
+
+    @staticmethod
+    def _sample(tile: TileData, indices: NDArray[np.int32], pyramid: Pyramid) -> Sample:
+        return Sample(
+            xyz=tile.xyz[indices],
+            normals=tile.normals[indices],
+            features={name: columns[indices] for name, columns in tile.features.items()},
+            labels=tile.labels[indices].astype(np.int64),
+            pyramid=pyramid,
+        )

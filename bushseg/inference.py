@@ -1,0 +1,64 @@
+"""A network applied to one tile: the step that validation and prediction share."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from bushseg.features import FEATURES
+from bushseg.models.batch import Batch
+from bushseg.models.bushnet import BushNet
+from bushseg.tile_data import TileData
+
+
+def feature_matrix(
+    features: Mapping[str, NDArray[np.float32]], names: Sequence[str], num_points: int
+) -> NDArray[np.float32]:
+    """The columns a network takes, zeros (the neutral value) for a feature the scan lacks.
+
+    Args:
+        features: Feature name to (N, columns).
+        names: The network's features, in order.
+        num_points: N.
+
+    Returns:
+        Shape (N, F), float32.
+    """
+    columns = [
+        features[name] if name in features else np.zeros((num_points, FEATURES[name]), np.float32)
+        for name in names
+    ]
+    return np.concatenate(columns, axis=1)
+
+
+def tile_logits(
+    network: BushNet, tile: TileData, features: Sequence[str], voxel_size: float
+) -> NDArray[np.float32]:
+    """Class scores of a tile's core.
+
+    Args:
+        network: In evaluation mode.
+        tile: The tile.
+        features: The network's features, in order.
+        voxel_size: Metres.
+
+    Returns:
+        Logits of the core's voxels, in the tile's order, shape (core, C), float32.
+    """
+    batch = Batch.from_numpy(
+        feature_matrix(tile.features, features, len(tile)),
+        tile.xyz,
+        tile.normals,
+        tile.pyramid,
+        voxel_size,
+    )
+    device = next(network.parameters()).device
+    with torch.inference_mode():
+        logits = network(batch.to(device))[torch.from_numpy(tile.is_core).to(device)]
+    return logits.float().cpu().numpy()
+
+
+def probabilities(logits: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Softmax over the last axis, (N, C) -> (N, C)."""
+    return torch.softmax(torch.from_numpy(logits), dim=-1).numpy()

@@ -1,0 +1,286 @@
+"""A scan in, a labelled scan out.
+
+Two passes over the scan: the first streams it into voxels, which the network labels tile by tile;
+the second streams it again, looks every point's voxel up, and writes it with all it had.
+"""
+
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bushseg import io
+from bushseg.checkpoint import Model, load_model
+from bushseg.config import PredictConfig
+from bushseg.errors import CheckpointError, DataError, ReadError
+from bushseg.files import atomic_path, check_output
+from bushseg.io.base import ScanReader
+from bushseg.io.memory import MemoryReader
+from bushseg.labeler import check_features, domain_warnings, label_tiles
+from bushseg.points import PointCloud
+from bushseg.progress import SILENT, Progress
+from bushseg.scan import mask_no_returns, read_voxels
+from bushseg.stitch import PointPredictions, Stitcher
+
+LAS_SUFFIXES = (".las", ".laz")
+RUNS = Path("runs")
+
+
+@dataclass(frozen=True, slots=True)
+class PredictResult:
+    """What labelling one scan did.
+
+    Attributes:
+        input: The scan.
+        output: The labelled scan.
+        model: Which model was used: its path.
+        num_points: Points read and written.
+        class_counts: Points per class name.
+        num_unlabelled: Points that no voxel holds: not finite, no-returns.
+        num_voxels: Voxels they fell into.
+        passes: Voxels that went through the network, per voxel of the scan; 1 is ideal.
+        seconds: From opening the scan to the finished output.
+        stages: Seconds by stage.
+        points_per_second: Points over seconds.
+        peak_memory: Largest resident size of this process so far, bytes; None where unknown.
+        warnings: Where the scan lies outside what the model was trained on.
+    """
+
+    input: Path
+    output: Path
+    model: str
+    num_points: int
+    class_counts: dict[str, int]
+    num_unlabelled: int
+    num_voxels: int
+    passes: float
+    seconds: float
+    stages: dict[str, float]
+    points_per_second: float
+    peak_memory: int | None
+    warnings: tuple[str, ...]
+
+
+def find_model(model: str | Path | None = None) -> Path:
+    """The model to use: the one named, or the best of the newest run.
+
+    Args:
+        model: A model file, a run's folder, or None.
+
+    Raises:
+        CheckpointError: There is none.
+    """
+    if model is not None:
+        path = Path(model)
+        return path / "best.safetensors" if path.is_dir() else path
+    found = sorted(RUNS.glob("*/best.safetensors"), key=lambda path: path.stat().st_mtime)
+    if not found:
+        raise CheckpointError(
+            f"no model: {RUNS.absolute()} holds no finished epoch of a run; "
+            "train one with `bushseg train`, or name one with --model"
+        )
+    return found[-1]
+
+
+def predict_file(
+    scan: str | Path,
+    output: str | Path,
+    model: Model | str | Path | None = None,
+    config: PredictConfig | None = None,
+    *,
+    overwrite: bool = False,
+    progress: Progress = SILENT,
+) -> PredictResult:
+    """Label a scan and write it with everything it had.
+
+    The output's suffix decides its format. LAS and LAZ get ASPRS codes as classification, and every
+    format that has room for them the columns `class_index` (index into the model's classes, 255 for
+    a point without a label), `confidence` and, where the model knows bush, `bush_probability`.
+
+    Args:
+        scan: The scan, never touched.
+        output: The file to write, whole or not at all.
+        model: A model, its file, a run's folder; None takes the newest run's best.
+        config: Settings; None takes the defaults.
+        overwrite: Whether an existing output may be replaced.
+        progress: Told of points read, voxels labelled and points written.
+
+    Returns:
+        What was done.
+
+    Raises:
+        BushsegError: The scan can't be read, the model doesn't fit it, or the output can't be
+            written.
+    """
+    config = config or PredictConfig()
+    scan, output = Path(scan), Path(output)
+    check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
+    begun = time.perf_counter()
+    stages = _Stages()
+    model = model if isinstance(model, Model) else load_model(find_model(model))
+    card = model.card
+    with io.open_scan(scan) as reader:
+        voxel_scan = read_voxels(reader, card.prepare.voxel_size, progress=progress)
+        check_features(model, voxel_scan)
+        stages.end("read and sub-sample")
+        stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
+        seen, distances = 0, []
+        for tile in label_tiles(model, voxel_scan, config, progress):
+            stitcher.add([tile])
+            seen += tile.num_seen
+            distances.append((tile.neighbor_distance, len(tile.indices)))
+        stages.end("neighbors, normals and network")
+        with atomic_path(output) as partial:
+            counts = _write(reader, partial, output, stitcher, model, config, progress)
+        stages.end("look up and write")
+    seconds = time.perf_counter() - begun
+    num_points = int(counts.sum())
+    distance = _weighted_median(distances)
+    return PredictResult(
+        input=scan,
+        output=output,
+        model=str(model.path or "in memory"),
+        num_points=num_points,
+        class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
+        num_unlabelled=int(counts[0]),
+        num_voxels=len(voxel_scan.voxels),
+        passes=seen / len(voxel_scan.voxels),
+        seconds=seconds,
+        stages=stages.seconds,
+        points_per_second=num_points / seconds,
+        peak_memory=peak_memory(),
+        warnings=tuple(domain_warnings(model, voxel_scan, distance)),
+    )
+
+
+def predict(
+    points: PointCloud | ArrayLike,
+    model: Model | str | Path | None = None,
+    config: PredictConfig | None = None,
+    *,
+    attributes: Mapping[str, NDArray[Any]] | None = None,
+    sensor: ArrayLike | None = None,
+) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+    """Label points that are already in memory, such as a robot's frame.
+
+    Args:
+        points: A cloud, or coordinates in metres, shape (N, 3).
+        model: A model (load it once and keep it), its file, a run's folder; None takes the newest
+            run's best.
+        config: Settings; None takes the defaults.
+        attributes: With bare coordinates: further columns such as "intensity" or "red".
+        sensor: Where the sensor stood, shape (3,), if known; normals are oriented to it.
+
+    Returns:
+        Class indices, shape (N,), int16, -1 for points that are not finite; and the probability of
+        each class, shape (N, C), float32, zero there.
+
+    Raises:
+        DataError: There are no finite points, or the model needs features they lack.
+    """
+    model = model if isinstance(model, Model) else load_model(find_model(model))
+    cloud = points if isinstance(points, PointCloud) else _cloud(points, attributes or {})
+    reader = MemoryReader(cloud, sensor)
+    scan = read_voxels(reader, model.card.prepare.voxel_size)
+    # One row more: what a point without a voxel finds at index -1.
+    stitched = np.zeros((len(scan.voxels) + 1, model.card.scheme.num_classes), dtype=np.float32)
+    for tile in label_tiles(model, scan, config or PredictConfig()):
+        stitched[tile.indices] = tile.probabilities
+    found = scan.voxels.find(scan.voxels.grid.keys(cloud.xyz))
+    labels = np.append(stitched[:-1].argmax(axis=1), -1).astype(np.int16)
+    return labels[found], stitched[found]
+
+
+def peak_memory() -> int | None:
+    """The largest resident size this process has had, in bytes; None where unknown."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def _write(
+    reader: ScanReader,
+    partial: Path,
+    output: Path,
+    stitcher: Stitcher,
+    model: Model,
+    config: PredictConfig,
+    progress: Progress,
+) -> NDArray[np.int64]:
+    """Stream the scan again into the output; counts points: unlabelled first, then per class."""
+    scheme = model.card.scheme
+    suffix = io.suffix_of(output)
+    as_las = suffix in LAS_SUFFIXES
+    counts = np.zeros(scheme.num_classes + 1, dtype=np.int64)
+    added = {"class_index": np.dtype(np.uint8), "confidence": np.dtype(np.float32)}
+    if scheme.bush_index is not None:
+        added["bush_probability"] = np.dtype(np.float32)
+    progress.start(f"writing {output.name}", reader.info.num_points, "points")
+    writer = io.create(partial, suffix, reader, added)
+    for chunk in reader.chunks():
+        predicted = stitcher.at(mask_no_returns(chunk.xyz, reader))
+        codes: NDArray[Any] | None = None
+        if not as_las:
+            codes = scheme.decode(predicted.labels)
+        elif not config.keep_classification:
+            codes = scheme.to_asprs(predicted.labels, config.asprs)
+        writer.write(chunk, _columns(predicted, scheme.decode_indices(predicted.labels)), codes)
+        counts += np.bincount(predicted.labels + 1, minlength=len(counts))
+        progress.advance(len(chunk))
+    writer.close()
+    if counts.sum() != reader.info.num_points:
+        raise ReadError(
+            reader.info.path,
+            f"{counts.sum():,} points on the second pass",
+            f"{reader.info.num_points:,}; leave the file alone while it is being labelled",
+        )
+    return counts
+
+
+def _columns(
+    predicted: PointPredictions, class_index: NDArray[np.uint8]
+) -> dict[str, NDArray[Any]]:
+    """The columns added to an output."""
+    columns: dict[str, NDArray[Any]] = {
+        "class_index": class_index,
+        "confidence": predicted.confidence,
+    }
+    if predicted.bush_probability is not None:
+        columns["bush_probability"] = predicted.bush_probability
+    return columns
+
+
+def _cloud(points: ArrayLike, attributes: Mapping[str, NDArray[Any]]) -> PointCloud:
+    xyz = np.asarray(points, dtype=np.float64)
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or not len(xyz):
+        raise DataError(f"the points have shape {xyz.shape}; expected (N, 3) with N >= 1")
+    return PointCloud(xyz, dict(attributes))
+
+
+def _weighted_median(values: list[tuple[float, int]]) -> float:
+    """Median of values that stand for so many points each."""
+    ordered = sorted(values)
+    running = np.cumsum([weight for _, weight in ordered])
+    return ordered[int(np.searchsorted(running, running[-1] / 2))][0]
+
+
+class _Stages:
+    """Where the time went."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def end(self, name: str) -> None:
+        """Count the time since the last call towards a stage."""
+        now = time.perf_counter()
+        self.seconds[name] = now - self._last
+        self._last = now

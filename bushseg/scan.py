@@ -1,0 +1,120 @@
+"""A scan at voxel resolution: what prepare caches and predict labels both start here."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.errors import DataError
+from bushseg.features import normalize, source_columns, source_values
+from bushseg.grid import VoxelGrid
+from bushseg.ground import height_above_ground
+from bushseg.io.base import ScanReader
+from bushseg.progress import SILENT, Progress
+from bushseg.scheme import ClassScheme
+from bushseg.subsample import GridSubsampler, Voxels
+
+
+@dataclass(frozen=True, slots=True)
+class VoxelScan:
+    """The voxels of one scan with their features.
+
+    Attributes:
+        voxels: Positions, labels and counts.
+        features: Feature name to (N, columns) float32, scaled for the network; those the scan has.
+        sensor: Where the sensor stood, metres from the grid's origin, shape (3,); None if unknown.
+        num_points: Raw points read.
+        num_skipped: Raw points that no voxel holds: not finite, no-returns, out of reach.
+        unknown_codes: Label codes the class scheme doesn't know, with their counts.
+    """
+
+    voxels: Voxels
+    features: dict[str, NDArray[np.float32]]
+    sensor: NDArray[np.float64] | None
+    num_points: int
+    num_skipped: int
+    unknown_codes: dict[int, int]
+
+
+def mask_no_returns(xyz: NDArray[np.float64], reader: ScanReader) -> NDArray[np.float64]:
+    """Coordinates, NaN where a pulse did not return, so that no voxel takes it; (N, 3) float64."""
+    if not reader.info.no_returns_at_origin:
+        return xyz
+    missing = (xyz == 0).all(axis=1)
+    if not missing.any():
+        return xyz
+    return np.where(missing[:, None], np.nan, xyz)
+
+
+def read_voxels(
+    reader: ScanReader,
+    voxel_size: float,
+    scheme: ClassScheme | None = None,
+    label_field: str | None = None,
+    progress: Progress = SILENT,
+) -> VoxelScan:
+    """Stream a scan into voxels.
+
+    Args:
+        reader: The open scan.
+        voxel_size: Edge of a voxel, metres.
+        scheme: How label codes become class indices; None leaves labels alone.
+        label_field: Attribute that holds the codes; None takes the format's own, if it has one.
+        progress: Told of the points read.
+
+    Returns:
+        The scan's voxels. Labels are None where the scan has no label attribute.
+
+    Raises:
+        DataError: No point has finite coordinates, or `label_field` is no attribute of the scan.
+        ReadError: The file is damaged.
+    """
+    info = reader.info
+    field = _label_attribute(reader, label_field) if scheme is not None else None
+    columns = source_columns(info.attributes)
+    progress.start(f"reading {info.path.name}", info.num_points, "points")
+    subsampler: GridSubsampler | None = None
+    unknown: Counter[int] = Counter()
+    num_points = num_early = 0
+    for chunk in reader.chunks():
+        num_points += len(chunk)
+        xyz = mask_no_returns(chunk.xyz, reader)
+        if subsampler is None:
+            anchor = _first_finite(xyz)
+            if anchor is None:
+                num_early += len(chunk)
+                continue
+            grid = VoxelGrid.around(anchor, voxel_size)
+            subsampler = GridSubsampler(grid, scheme.num_classes if scheme and field else None)
+        labels = None
+        if scheme is not None and field is not None:
+            encoded = scheme.encode(chunk.attributes[field])
+            unknown.update(encoded.unknown)
+            labels = encoded.labels
+        subsampler.add(xyz, source_values(chunk, columns), labels)
+        progress.advance(len(chunk))
+    if subsampler is None:
+        raise DataError(f"{info.path}: none of its {num_points} points has finite coordinates")
+    voxels = subsampler.finish()
+    features = normalize(voxels.values, height_above_ground(voxels.xyz))
+    sensor = None if info.sensor_position is None else info.sensor_position - voxels.grid.origin
+    skipped = num_early + subsampler.num_outside
+    return VoxelScan(voxels, features, sensor, num_points, skipped, dict(unknown))
+
+
+def _label_attribute(reader: ScanReader, label_field: str | None) -> str | None:
+    """The attribute to read codes from."""
+    info = reader.info
+    if label_field is None:
+        return info.label_attribute
+    if label_field not in info.attributes:
+        known = ", ".join(info.attributes) or "none"
+        raise DataError(f"{info.path}: has no attribute {label_field!r}; it has {known}")
+    return label_field
+
+
+def _first_finite(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The first point with finite coordinates."""
+    finite = np.flatnonzero(np.isfinite(xyz).all(axis=1))
+    return xyz[finite[0]] if len(finite) else None

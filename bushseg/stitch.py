@@ -1,0 +1,64 @@
+"""Tile predictions become one answer per voxel, and voxels give it to their raw points."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.labeler import TilePrediction
+from bushseg.subsample import Voxels
+
+
+@dataclass(frozen=True, slots=True)
+class PointPredictions:
+    """Predictions of raw points.
+
+    Attributes:
+        labels: Class index, -1 for a point that no voxel holds, (N,) int16.
+        confidence: Probability of that class, (N,) float32.
+        bush_probability: Probability of bush, (N,) float32; None where the model has no such class.
+    """
+
+    labels: NDArray[np.int16]
+    confidence: NDArray[np.float32]
+    bush_probability: NDArray[np.float32] | None
+
+
+class Stitcher:
+    """Collects the predictions of a scan's voxels.
+
+    Args:
+        voxels: The scan's voxels.
+        bush_index: The class whose probability is kept beside the winner's, or None.
+    """
+
+    def __init__(self, voxels: Voxels, bush_index: int | None) -> None:
+        self._voxels = voxels
+        self._bush_index = bush_index
+        # One row more: what a point without a voxel finds at index -1.
+        size = len(voxels) + 1
+        self._labels = np.full(size, -1, dtype=np.int16)
+        self._confidence = np.zeros(size, dtype=np.float32)
+        self._bush = None if bush_index is None else np.zeros(size, dtype=np.float32)
+
+    def add(self, predictions: Iterable[TilePrediction]) -> None:
+        """Enter the predictions of some tiles."""
+        for tile in predictions:
+            self._labels[tile.indices] = tile.probabilities.argmax(axis=1)
+            self._confidence[tile.indices] = tile.probabilities.max(axis=1)
+            if self._bush is not None:
+                self._bush[tile.indices] = tile.probabilities[:, self._bush_index]
+
+    def at(self, xyz: NDArray[np.float64]) -> PointPredictions:
+        """The predictions of raw points, through the keys of their voxels.
+
+        Args:
+            xyz: Coordinates as the scan was read, shape (N, 3), float64.
+        """
+        found = self._voxels.find(self._voxels.grid.keys(xyz))
+        return PointPredictions(
+            labels=self._labels[found],
+            confidence=self._confidence[found],
+            bush_probability=None if self._bush is None else self._bush[found],
+        )

@@ -1,0 +1,124 @@
+"""A tile, cut out of a scan and ready for the network: local coordinates, normals, pyramid."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.config import Sampling
+from bushseg.normals import estimate_normals
+from bushseg.pyramid import Pyramid, build_pyramid
+from bushseg.scan import VoxelScan
+from bushseg.tiling import Tile, Tiling
+
+
+class PyramidSettings(Protocol):
+    """The settings a pyramid depends on; PrepareConfig has them."""
+
+    @property
+    def num_neighbors(self) -> int:
+        """K."""
+
+    @property
+    def num_levels(self) -> int:
+        """How many times to decimate."""
+
+    @property
+    def decimation(self) -> int:
+        """One point in this many survives."""
+
+    @property
+    def sampling(self) -> Sampling:
+        """How survivors are chosen."""
+
+    @property
+    def seed(self) -> int:
+        """Selects decimation's zeta."""
+
+
+@dataclass(frozen=True, slots=True)
+class TileData:
+    """The voxels of a tile's core and halo, in Morton order.
+
+    Attributes:
+        origin: The tile's origin in the scan's coordinates, (3,) float64.
+        indices: Each voxel's index in the scan's voxels, (N,) int64.
+        is_core: Whether a voxel belongs to the core, (N,) bool.
+        keys: Voxel keys, (N,) int64.
+        xyz: Metres from `origin`, (N, 3) float32.
+        normals: Unit normals, (N, 3) float32.
+        features: Feature name to (N, columns) float32.
+        labels: Class index; -1 for unlabelled and for all of the halo, (N,) int16.
+        counts: Raw points in the voxel, (N,) int32.
+        pyramid: Indices of all levels.
+    """
+
+    origin: NDArray[np.float64]
+    indices: NDArray[np.int64]
+    is_core: NDArray[np.bool_]
+    keys: NDArray[np.int64]
+    xyz: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    features: Mapping[str, NDArray[np.float32]]
+    labels: NDArray[np.int16]
+    counts: NDArray[np.int32]
+    pyramid: Pyramid
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    def neighbor_distance(self) -> float:
+        """Median distance to the farthest of the K neighbors, metres: the tile's density."""
+        farthest = self.pyramid.neighbors[0][:, -1]
+        return float(np.median(np.linalg.norm(self.xyz - self.xyz[farthest], axis=1)))
+
+
+def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSettings) -> TileData:
+    """Cut a tile with its halo and find its normals and pyramid.
+
+    The origin is subtracted in float64, before the cast to float32. Labels are kept in the core
+    only: each voxel teaches and is judged once, and a tile of the training area that borders on a
+    held-out one never sees its labels.
+
+    Args:
+        scan: The scan's voxels.
+        tiling: How it is cut.
+        tile: Which tile.
+        settings: Neighborhood and pyramid settings.
+
+    Returns:
+        The tile.
+    """
+    voxels = scan.voxels
+    indices, is_core = tiling.members(tile)
+    positions = voxels.xyz[indices]
+    origin = positions.mean(axis=0)
+    xyz = (positions - origin).astype(np.float32)
+    keys = voxels.keys[indices]
+    pyramid = build_pyramid(
+        xyz,
+        keys,
+        num_neighbors=settings.num_neighbors,
+        num_levels=settings.num_levels,
+        decimation=settings.decimation,
+        sampling=settings.sampling,
+        seed=settings.seed,
+    )
+    sensor = None if scan.sensor is None else scan.sensor - origin
+    labels = np.full(len(indices), -1, dtype=np.int16)
+    if voxels.labels is not None:
+        labels[is_core] = voxels.labels[indices[is_core]]
+    return TileData(
+        origin=origin + voxels.grid.origin,
+        indices=indices,
+        is_core=is_core,
+        keys=keys,
+        xyz=xyz,
+        normals=estimate_normals(xyz, pyramid.neighbors[0], sensor),
+        features={name: columns[indices] for name, columns in scan.features.items()},
+        labels=labels,
+        counts=voxels.counts[indices].astype(np.int32),
+        pyramid=pyramid,
+    )

@@ -56,6 +56,11 @@ def test_what_is_no_number_is_refused(codes: NDArray[Any]) -> None:
         look_up(codes, TABLE)
 
 
+def test_several_values_a_point_are_refused() -> None:
+    with pytest.raises(DataError, match=r"shape \(2, 3\); expected one a point"):
+        look_up(np.zeros((2, 3), np.uint8), TABLE)
+
+
 _DTYPES = st.sampled_from([np.uint8, np.int8, np.uint16, np.int64, np.uint64, np.float32, float])
 
 

@@ -18,11 +18,13 @@ import numpy as np
 from bushseg.errors import ReadError, WriteError
 from bushseg.io.base import ScanInfo, ScanReader, ScanWriter
 from bushseg.io.codes import create_label, create_labels, read_codes
-from bushseg.io.kitti import find_labels, open_kitti
+from bushseg.io.kitti import find_labels as find_frame_labels
+from bushseg.io.kitti import open_kitti
 from bushseg.io.pcd import create_pcd, open_pcd
 from bushseg.io.ply import create_ply, open_ply
 from bushseg.io.sniff import check_file
-from bushseg.io.text import LABELS_SUFFIX, create_csv, create_txt, is_points, open_text
+from bushseg.io.text import create_csv, create_txt, is_points, open_text
+from bushseg.io.text import find_labels as find_text_labels
 from bushseg.points import PointCloud
 
 __all__ = [
@@ -120,11 +122,10 @@ def read(path: str | Path) -> PointCloud:
 def label_sidecar(path: str | Path) -> Path | None:
     """The file beside a scan that holds its class codes, or None where there is none."""
     path = Path(path)
-    suffix = suffix_of(path)
-    if suffix == ".bin":
-        return find_labels(path)
-    beside = path.with_suffix(LABELS_SUFFIX)
-    return beside if READERS.get(suffix) is open_text and beside.exists() else None
+    reader = READERS.get(suffix_of(path))
+    if reader is open_kitti:
+        return find_frame_labels(path)
+    return find_text_labels(path) if reader is open_text else None
 
 
 def create(

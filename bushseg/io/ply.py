@@ -169,7 +169,9 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
                 break
             case ["format", ply_format, "1.0"] if ply_format in _BYTE_ORDERS and not elements:
                 order = _BYTE_ORDERS[ply_format]
-            case ["element", name, count] if order and count.isdecimal() and len(count) <= _MAX_DIGITS:
+            case ["element", name, count] if (
+                order and count.isdecimal() and len(count) <= _MAX_DIGITS
+            ):
                 elements.append(_Element(name, int(count), []))
             case ["property", "list", length, kind, name] if (
                 elements and kind in _TYPES and _TYPES.get(length, "f")[0] != "f"

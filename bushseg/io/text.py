@@ -2,7 +2,7 @@
 
 Columns are named by a header line, by a comment that names as many columns as there are, or else
 by their number (:data:`COLUMN_NAMES`). Values are float64, but for class codes written as integers,
-which are int32: integers beyond 2^53 are therefore not exact.
+which are int64: other integers beyond 2^53 are not exact.
 """
 
 import re
@@ -102,9 +102,9 @@ def open_text(path: Path) -> ScanReader:
         )
     attributes = attribute_dtypes(layout.body.dtype, layout.coordinates)
     label = find_label(attributes)
-    labels_path = path.with_suffix(LABELS_SUFFIX)
+    labels_path = find_labels(path)
     labels = None
-    if labels_path.exists():
+    if labels_path is not None:
         check_file(labels_path)
         labels = Body(labels_path, 0, 1, TEXT_DTYPE)
         num_labels = count_rows(labels_path)
@@ -126,6 +126,12 @@ def open_text(path: Path) -> ScanReader:
         label_attribute=label,
     )
     return TextReader(info, layout, labels, label or LABEL)
+
+
+def find_labels(path: Path) -> Path | None:
+    """The `.labels` file beside a text file, if there is one."""
+    beside = path.with_suffix(LABELS_SUFFIX)
+    return beside if beside.exists() else None
 
 
 def is_points(path: Path) -> bool:
@@ -202,7 +208,7 @@ def _layout(
     # Codes written as 2.0 stay floats, as they would in a PLY file that has them so.
     dtype = np.dtype(
         [
-            (name, "<i4" if name == label and _INTEGER.fullmatch(word) else "<f8")
+            (name, "<i8" if name == label and _INTEGER.fullmatch(word) else "<f8")
             for name, word in zip(names, first_row, strict=True)
         ]
     )
@@ -241,10 +247,11 @@ class TextWriter(TableWriter):
     def _rows(self, table: Table) -> bytes:
         columns = []
         for name in table.dtype.names or ():
-            column = table[name]
-            # 9 digits give any float32 back, and spare the reader 0.10000000149011612.
-            as_text = "{:.9g}".format if column.dtype == np.float32 else repr
-            columns.append(map(as_text, column.tolist()))
+            values = table[name].tolist()
+            if table.dtype[name] == np.float32:
+                # 9 digits give any float32 back, and spare the reader 0.10000000149011612.
+                values = [float(f"{value:.9g}") for value in values]
+            columns.append(map(repr, values))
         return "".join(
             self._separator.join(row) + "\n" for row in zip(*columns, strict=True)
         ).encode("ascii")

@@ -1,13 +1,9 @@
 """Small scans, spelled out byte by byte, that several tests read, damage or copy."""
 
 import struct
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-
-from bushseg.io.base import ScanInfo, ScanReader
-from bushseg.points import PointCloud
 
 XYZ = [(1.0, 2.0, 3.0), (-4.5, 5.25, 0.125)]
 
@@ -64,25 +60,6 @@ def samples() -> dict[str, bytes]:
         "semantic3d.txt": b"1 2 3 -1800 10 20 30\n-4.5 5.25 0.125 7 1 2 3\n",
         "named.csv": b"X,Y,Z,class\n1,2,3,2\n-4.5,5.25,0.125,-1\n",
     }
-
-
-class MemoryReader(ScanReader):
-    """A scan that never was a file."""
-
-    def __init__(self, points: PointCloud, info: ScanInfo) -> None:
-        self.points = points
-        self.info = info
-
-    def chunks(self, size: int = 3) -> Iterator[PointCloud]:
-        for start in range(0, len(self.points), size):
-            part = slice(start, start + size)
-            columns = {name: values[part] for name, values in self.points.attributes.items()}
-            yield PointCloud(self.points.xyz[part], columns)
-
-
-@pytest.fixture(scope="session")
-def memory_reader() -> type[MemoryReader]:
-    return MemoryReader
 
 
 @pytest.fixture(scope="session")

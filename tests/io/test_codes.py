@@ -5,16 +5,17 @@ import numpy as np
 import pytest
 
 from bushseg.errors import ReadError, WriteError
-from bushseg.io.base import ScanInfo, ScanReader
+from bushseg.io.base import ScanReader
 from bushseg.io.codes import create_label, create_labels, read_codes
+from bushseg.io.memory import MemoryReader
 from bushseg.points import PointCloud
 
 POINTS = PointCloud(np.zeros((3, 3)))
 
 
 @pytest.fixture
-def source(memory_reader: type, tmp_path: Path) -> ScanReader:
-    return memory_reader(POINTS, ScanInfo(tmp_path, "", 3, {}))
+def source(tmp_path: Path) -> ScanReader:
+    return MemoryReader(POINTS)
 
 
 def test_label(tmp_path: Path, source: ScanReader) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bushseg.errors import ReadError
-from bushseg.io.base import ScanInfo
+from bushseg.io.memory import MemoryReader
 from bushseg.io.pcd import create_pcd, open_pcd
 from bushseg.points import PointCloud
 
@@ -71,10 +71,10 @@ def test_default_viewpoint_is_no_position(tmp_path: Path) -> None:
     assert open_pcd(path).info.sensor_position is None
 
 
-def test_writes_the_sensor_position(tmp_path: Path, memory_reader: type) -> None:
+def test_writes_the_sensor_position(tmp_path: Path) -> None:
     points = PointCloud(np.zeros((1, 3)))
-    info = ScanInfo(tmp_path, "", 1, {}, sensor_position=np.array([0.1, -2.0, 1e6]))
-    writer = create_pcd(tmp_path / "out.pcd", memory_reader(points, info), {})
+    source = MemoryReader(points, sensor=[0.1, -2.0, 1e6])
+    writer = create_pcd(tmp_path / "out.pcd", source, {})
     writer.write(points, {}, None)
     writer.close()
     position = open_pcd(tmp_path / "out.pcd").info.sensor_position

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bushseg.errors import ReadError, WriteError
-from bushseg.io.base import ScanInfo
+from bushseg.io.memory import MemoryReader
 from bushseg.io.ply import create_ply, open_ply
 from bushseg.points import PointCloud
 
@@ -133,19 +133,16 @@ def test_names_the_malformed_line(tmp_path: Path, rows: bytes, message: str) -> 
         scan.read()
 
 
-def test_refuses_integers_it_would_round(tmp_path: Path, memory_reader: type) -> None:
+def test_refuses_integers_it_would_round(tmp_path: Path) -> None:
     points = PointCloud(np.zeros((1, 3)), {"time": np.array([2**53 + 1])})
-    source = memory_reader(points, ScanInfo(tmp_path, "", 1, {}))
+    source = MemoryReader(points)
     writer = create_ply(tmp_path / "out.ply", source, {})
     with pytest.raises(WriteError, match="time"):
         writer.write(points, {}, None)
 
 
-def test_refuses_to_close_early(tmp_path: Path, memory_reader: type) -> None:
-    points = PointCloud(np.zeros((1, 3)))
-    writer = create_ply(
-        tmp_path / "o.ply", memory_reader(points, ScanInfo(tmp_path, "", 2, {})), {}
-    )
-    writer.write(points, {}, None)
+def test_refuses_to_close_early(tmp_path: Path) -> None:
+    writer = create_ply(tmp_path / "out.ply", MemoryReader(PointCloud(np.zeros((2, 3)))), {})
+    writer.write(PointCloud(np.zeros((1, 3))), {}, None)
     with pytest.raises(WriteError, match="incomplete"):
         writer.close()

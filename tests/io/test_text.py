@@ -54,7 +54,7 @@ def test_columns_with_names(tmp_path: Path, head: str) -> None:
     assert points.xyz.tolist() == [[1, 2, 3], [10, 20, 30]]
     assert scan.info.label_attribute == "Class"
     assert points.attributes["Class"].tolist() == [5, -1]
-    assert points.attributes["Class"].dtype == np.int32
+    assert points.attributes["Class"].dtype == np.int64
 
 
 @pytest.mark.parametrize("names", ["Easting Northing Height", "X Y Z", "id x y z X"])

@@ -18,6 +18,7 @@ from bushseg.files import atomic_path
 from bushseg.label_columns import (
     LabelColumn,
     in_step,
+    is_same_column,
     open_labels,
     prediction_column,
     truth_column,
@@ -167,9 +168,9 @@ def evaluate(
         if truth is not None:
             reader = stack.enter_context(open_labels(Path(truth)))
         true = truth_column(reader, truth_field, truth_scheme or scheme)
-        if truth is None and predicted.name == true.name:
+        if is_same_column(predicted, true):
             raise DataError(
-                f"{prediction}: {true.name!r} would be both prediction and truth; expected the "
+                f"{prediction}: {predicted.name!r} would be compared with itself; expected the "
                 "truth in another column or another file: name it"
             )
         progress.start(f"comparing {Path(prediction).name}", reader.info.num_points, "points")

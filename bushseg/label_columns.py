@@ -13,7 +13,7 @@ import numpy as np
 
 from bushseg.codes import LabelArray, UnknownCodes
 from bushseg.errors import DataError
-from bushseg.io import ScanInfo, ScanReader, open_scan, read_codes
+from bushseg.io import ScanInfo, ScanReader, label_sidecar, open_scan, read_codes
 from bushseg.io.base import CHUNK_POINTS
 from bushseg.io.table import PREDICTED_LABEL
 from bushseg.points import AttributeArray, FloatArray, PointCloud
@@ -130,6 +130,18 @@ def _column(reader: ScanReader, name: str | None, scheme: ClassScheme) -> LabelC
 
 def _choices(info: ScanInfo) -> str:
     return f"name one of {', '.join(info.attributes)}" if info.attributes else "it has none"
+
+
+def is_same_column(predicted: LabelColumn, true: LabelColumn) -> bool:
+    """Whether both are the same values: a column twice, or a scan and the file of its own labels.
+
+    The latter is what a prediction named after its frame turns into.
+    """
+    ours, theirs = predicted.reader.info.path, true.reader.info
+    if ours.samefile(theirs.path):
+        return predicted.name == true.name
+    own = label_sidecar(theirs.path)
+    return own is not None and own.samefile(ours) and true.name == theirs.label_attribute
 
 
 def in_step(predicted: LabelColumn, true: LabelColumn) -> Iterator[tuple[LabelArray, LabelArray]]:

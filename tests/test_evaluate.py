@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -106,10 +107,21 @@ def test_one_file_with_both(tmp_path: Path) -> None:
     check(evaluate(named, None, BUSH, prediction_field="second", truth_field="first"))
 
 
-def test_one_file_with_one_column_is_refused(tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "p.csv", label=CODES)
-    with pytest.raises(DataError, match="'label' would be both prediction and truth"):
-        evaluate(path, None, BUSH)
+def test_a_column_is_not_compared_with_itself(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "p.csv", label=CODES, other=CODES)
+    for truth in (None, path):
+        with pytest.raises(DataError, match="'label' would be compared with itself"):
+            evaluate(path, truth, BUSH)
+    assert evaluate(path, path, BUSH, truth_field="other").confusion.oa == 1
+
+
+def test_a_frames_own_labels_are_no_prediction(tmp_path: Path) -> None:
+    np.ones((5, 4), "<f4").tofile(tmp_path / "frame.bin")
+    for name, codes in (("frame.label", TRUE_CODES), ("prediction.label", CODES)):
+        np.array(codes, "<u4").tofile(tmp_path / name)
+    with pytest.raises(DataError, match=r"frame\.label: 'label' would be compared with itself"):
+        evaluate(tmp_path / "frame.label", tmp_path / "frame.bin", BUSH)
+    check(evaluate(tmp_path / "prediction.label", tmp_path / "frame.bin", BUSH))
 
 
 @pytest.mark.parametrize("suffix", [".labels", ".label"])
@@ -305,9 +317,8 @@ def test_a_real_airborne_tile(tmp_path: Path) -> None:
     if not tile.exists():
         pytest.skip(f"no {tile}")
     notes = Notes()
-    with pytest.raises(DataError, match="'classification' would be both"):
-        evaluate(tile, None, SCHEMES["asprs"])
-    evaluation = evaluate(tile, tile, SCHEMES["asprs"], progress=notes)
+    copy = shutil.copy(tile, tmp_path)
+    evaluation = evaluate(copy, tile, SCHEMES["asprs"], progress=notes)
     assert evaluation.confusion.support.tolist()[:4] == [4402, 191, 84, 152]
     assert evaluation.confusion.oa == 1
     assert evaluation.unknown_truth.codes == {64: 902}

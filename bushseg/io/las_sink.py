@@ -27,7 +27,7 @@ from bushseg.io.las_header import (
     WAVEFORM_START,
 )
 from bushseg.io.las_points import PointLayout, Records
-from bushseg.io.laz import LASZIP_RECORD, lazrs_errors
+from bushseg.io.laz import LASZIP_RECORD, garbles_waveforms, lazrs_errors
 
 _MINOR_AT = 25
 _PLACES_AT = struct.Struct("<II"), 96  # point offset, number of VLRs
@@ -91,6 +91,7 @@ class LasSink:
         self._returns = np.zeros(16, np.int64)
         self._low = np.full(3, np.iinfo(np.int64).max)
         self._high = np.full(3, np.iinfo(np.int64).min)
+        self._first_flags: np.uint8 | None = None
         self._compressor: Any = None
         num_extra = layout.dtype.itemsize - RECORD_SIZES[layout.point_format]
         laszip = None
@@ -127,6 +128,7 @@ class LasSink:
                 f"{self._path}: LAS 1.{self._minor} holds {_MAX_LEGACY:,} points at most; "
                 "split the scan or make it LAS 1.4"
             )
+        self._check_channels(records)
         mask = 0x07 if self._layout.point_format < 6 else 0x0F
         self._returns += np.bincount(records["bit_fields"] & mask, minlength=16)
         for axis, name in enumerate("XYZ"):
@@ -171,6 +173,18 @@ class LasSink:
         """Release the file, finished or not."""
         self._compressor = None
         self._file.close()
+
+    def _check_channels(self, records: Records) -> None:
+        if self._compressor is None or self._layout.point_format < 6:
+            return
+        flags = records["classification_flags"]
+        self._first_flags = flags[0] if self._first_flags is None else self._first_flags
+        if garbles_waveforms(self._layout.point_format, flags, self._first_flags):
+            self.close()
+            raise WriteError(
+                f"{self._path}: waveform packets of several scanner channels, which lazrs garbles; "
+                "choose .las for the output"
+            )
 
     def _pack(self, place: tuple[struct.Struct, int], *values: float) -> None:
         layout, at = place

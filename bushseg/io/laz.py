@@ -37,6 +37,7 @@ _ITEMS = (
     *((6,), (6, 7), (6, 8), (6, 7, 8), (6, 7, 9), (6, 7, 8, 9)),
     *((10,), (10, 11), (10, 12), (10, 13), (10, 12, 13)),
 )
+_FLAGS_AT = 15  # in records of formats 6 to 10
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
 
 
@@ -85,13 +86,35 @@ def decompress(
     Raises:
         ReadError: The compressed points are damaged.
     """
+    limit = max(1, _MAX_CHUNK_BYTES // header.record_length)
+    is_small = body.chunks is not None and body.chunks[:, 0].max() <= limit
+    run = _decompress_chunks if is_small else _decompress_stream
+    first = None
     with _lazrs_as_read_errors(path):
-        if body.chunks is None or body.chunks[:, 0].max() > max(
-            1, _MAX_CHUNK_BYTES // header.record_length
-        ):
-            yield from _decompress_stream(path, file, header, body, size)
-        else:
-            yield from _decompress_chunks(path, file, header, body, size)
+        for raw in run(path, file, header, body, size):
+            flags = raw[_FLAGS_AT :: header.record_length]
+            first = flags[0] if first is None else first
+            if garbles_waveforms(header.point_format, flags, first):
+                raise ReadError(
+                    path,
+                    "compressed waveform packets of several scanner channels",
+                    "LAS, for lazrs garbles them; decompress the file with LASzip first",
+                )
+            yield raw
+
+
+def garbles_waveforms(point_format: int, flags: NDArray[np.uint8], first: np.uint8) -> bool:
+    """Whether lazrs loses bits of these points.
+
+    lazrs 0.8.2 doesn't give back the waveform packets of point formats 9 and 10 that it was given
+    where the scanner channel changes within a chunk; all else survives.
+
+    Args:
+        point_format: 0 to 10.
+        flags: The points' classification flags, whose bits 4 and 5 are the scanner channel.
+        first: The flags of the file's first point.
+    """
+    return point_format in (9, 10) and bool(((flags ^ first) & 0x30).any())
 
 
 @contextmanager

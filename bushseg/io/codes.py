@@ -15,6 +15,7 @@ from bushseg.errors import ReadError, WriteError
 from bushseg.io.ascii import Body, read_rows
 from bushseg.io.base import CHUNK_POINTS, ScanReader, ScanWriter
 from bushseg.io.sniff import check_file
+from bushseg.io.stream import AppendingWriter
 from bushseg.points import AttributeArray, PointCloud
 
 KITTI_DTYPE = np.dtype("<u4")
@@ -58,7 +59,7 @@ def check_label_size(path: Path) -> int:
     return size // KITTI_DTYPE.itemsize
 
 
-class CodesWriter(ScanWriter):
+class CodesWriter(AppendingWriter):
     """Writes the codes; points and added columns have no place in these formats.
 
     Args:
@@ -75,9 +76,7 @@ class CodesWriter(ScanWriter):
         encode: Callable[[Codes], bytes],
         limits: tuple[int, int],
     ) -> None:
-        self._path = path
-        self._num_points = source.info.num_points
-        self._num_written = 0
+        super().__init__(path, source)
         self._encode = encode
         self._limits = limits
 
@@ -103,24 +102,7 @@ class CodesWriter(ScanWriter):
                 f"{self._path}: class codes from {codes.min()} to {codes.max()}; this format holds "
                 f"{smallest} to {largest}: map them to such codes"
             )
-        try:
-            with self._path.open("ab" if self._num_written else "wb") as file:
-                file.write(self._encode(codes))
-        except OSError as error:
-            raise WriteError(f"{self._path}: {error.strerror or error}") from error
-        self._num_written += len(chunk)
-
-    def close(self) -> None:
-        """Check that all codes came.
-
-        Raises:
-            WriteError: Fewer or more codes were written than the source has points.
-        """
-        if self._num_written != self._num_points:
-            raise WriteError(
-                f"{self._path}: {self._num_written:,} codes written; expected "
-                f"{self._num_points:,}; the output is incomplete"
-            )
+        self._append(self._encode(codes), len(chunk))
 
 
 def create_label(path: Path, source: ScanReader, added: Mapping[str, np.dtype[Any]]) -> ScanWriter:  # noqa: ARG001

@@ -17,6 +17,7 @@ from bushseg.errors import ReadError
 from bushseg.io import lzf
 from bushseg.io.ascii import Body, read_rows
 from bushseg.io.base import ScanInfo, ScanReader
+from bushseg.io.stream import read_records
 from bushseg.io.table import (
     PADDING,
     Coordinates,
@@ -58,18 +59,13 @@ class PcdReader(TableReader):
         self._encoding = encoding
 
     def _tables(self, size: int) -> Iterator[Table]:
-        num_points = self.info.num_points
+        body, num_points = self._body, self.info.num_points
         if self._encoding == "ascii":
-            yield from read_rows(self._body, size, limit=num_points)
-        elif self._encoding == "binary":
-            with self.info.path.open("rb") as file:
-                file.seek(self._body.offset)
-                for start in range(0, num_points, size):
-                    count = min(size, num_points - start)
-                    yield np.fromfile(file, dtype=self._body.dtype, count=count)
-        else:
-            table = self._decompressed()
-            yield from (table[start : start + size] for start in range(0, num_points, size))
+            return read_rows(body, size, limit=num_points)
+        if self._encoding == "binary":
+            return read_records(body.path, body.offset, body.dtype, num_points, size)
+        table = self._decompressed()
+        return (table[start : start + size] for start in range(0, num_points, size))
 
     def _decompressed(self) -> Table:
         """The whole cloud: its one compressed block holds each field's values of all points."""

@@ -16,6 +16,7 @@ import numpy as np
 from bushseg.errors import ReadError
 from bushseg.io.ascii import Body, read_rows, skip_lines
 from bushseg.io.base import ScanInfo, ScanReader
+from bushseg.io.stream import read_records
 from bushseg.io.table import (
     Coordinates,
     Table,
@@ -93,14 +94,10 @@ class PlyReader(TableReader):
         self._binary = binary
 
     def _tables(self, size: int) -> Iterator[Table]:
-        if not self._binary:
-            yield from read_rows(self._body, size, limit=self.info.num_points)
-            return
-        with self.info.path.open("rb") as file:
-            file.seek(self._body.offset)
-            for start in range(0, self.info.num_points, size):
-                count = min(size, self.info.num_points - start)
-                yield np.fromfile(file, dtype=self._body.dtype, count=count)
+        body, num_points = self._body, self.info.num_points
+        if self._binary:
+            return read_records(body.path, body.offset, body.dtype, num_points, size)
+        return read_rows(body, size, limit=num_points)
 
 
 def open_ply(path: Path) -> ScanReader:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import ReadError, WriteError
-from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader, ScanWriter
+from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
+from bushseg.io.stream import AppendingWriter
 from bushseg.points import AttributeArray, PointCloud
 
 Table = NDArray[np.void]
@@ -124,12 +125,12 @@ class TableReader(ScanReader):
         return PointCloud(xyz, attributes)
 
 
-class TableWriter(ScanWriter):
+class TableWriter(AppendingWriter):
     """Writes coordinates, all attributes, added columns and codes as the columns of one table.
 
     A column of M values a point becomes M columns name_0 ... name_M-1. Codes go to "label", or to
     "predicted_label" where the input has a "label" of its own. The layout is settled by the first
-    chunk; the file is opened for each chunk, so that a writer given up holds no handle.
+    chunk.
 
     Args:
         path: The file to write.
@@ -137,9 +138,7 @@ class TableWriter(ScanWriter):
     """
 
     def __init__(self, path: Path, source: ScanReader) -> None:
-        self._path = path
-        self._num_points = source.info.num_points
-        self._num_written = 0
+        super().__init__(path, source)
         self._dtype: np.dtype[Any] | None = None
 
     @abstractmethod
@@ -188,24 +187,7 @@ class TableWriter(ScanWriter):
         for name, values in columns.items():
             self._check_exact(name, values, self._dtype[name])
             table[name] = values
-        self._num_written += len(chunk)
-        try:
-            with self._path.open("wb" if header else "ab") as file:
-                file.write(header + self._rows(table))
-        except OSError as error:
-            raise WriteError(f"{self._path}: {error.strerror or error}") from error
-
-    def close(self) -> None:
-        """Check that all points came.
-
-        Raises:
-            WriteError: Fewer or more points were written than the source holds.
-        """
-        if self._num_written != self._num_points:
-            raise WriteError(
-                f"{self._path}: {self._num_written:,} points written; expected "
-                f"{self._num_points:,}; the output is incomplete"
-            )
+        self._append(header + self._rows(table), len(chunk))
 
     def _columns(
         self,

@@ -39,6 +39,7 @@ COLUMN_NAMES = {
 """What columns mean where the file doesn't say, by their number; 7 is Semantic3D's layout."""
 
 _HEAD_BYTES = 1 << 16
+_BATCH_ROWS = 1 << 16
 _INTEGER = re.compile(r"[+-]?\d+")
 
 
@@ -245,6 +246,11 @@ class TextWriter(TableWriter):
         return (self._prefix + self._separator.join(dtype.names or ()) + "\n").encode("ascii")
 
     def _rows(self, table: Table) -> bytes:
+        # In batches: as Python objects, numbers take several times the space.
+        starts = range(0, len(table), _BATCH_ROWS)
+        return b"".join(self._lines(table[start : start + _BATCH_ROWS]) for start in starts)
+
+    def _lines(self, table: Table) -> bytes:
         columns = []
         for name in table.dtype.names or ():
             values = table[name].tolist()
@@ -252,9 +258,8 @@ class TextWriter(TableWriter):
                 # 9 digits give any float32 back, and spare the reader 0.10000000149011612.
                 values = [float(f"{value:.9g}") for value in values]
             columns.append(map(repr, values))
-        return "".join(
-            self._separator.join(row) + "\n" for row in zip(*columns, strict=True)
-        ).encode("ascii")
+        lines = (self._separator.join(row) + "\n" for row in zip(*columns, strict=True))
+        return "".join(lines).encode("ascii")
 
 
 def create_csv(path: Path, source: ScanReader, added: Mapping[str, np.dtype[Any]]) -> ScanWriter:  # noqa: ARG001

@@ -53,7 +53,7 @@ class Survey:
 
     Attributes:
         scales: (3,) float64, one scale for all axes.
-        offsets: (3,) float64, whole numbers near the scan's middle.
+        offsets: (3,) float64, a whole number near the middle of each axis that needs one, else 0.
         columns: Name to dtype of each attribute; a multi-valued one has a sub-array dtype.
         channels: Attribute to the field it fills: intensity and colours.
     """
@@ -105,11 +105,14 @@ def survey(source: ScanReader) -> Survey:
             name: np.dtype((column.dtype, column.shape[1:]))
             for name, column in chunk.attributes.items()
         }
-    offsets = np.rint((low + high) / 2) + 0.0  # not -0.0
-    reach = float(max(np.abs(high - offsets).max(), np.abs(low - offsets).max()))
+    middle = np.rint((low + high) / 2)
+    reach = float(max((high - middle).max(), (middle - low).max()))
+    scale = _choose_scale(path, float((high - low).max()), reach)
+    # Without an offset a coordinate of 0 stays exactly 0: it may stand for a pulse lost.
+    needs_offset = np.maximum(np.abs(low), np.abs(high)) / scale > _INT32_REACH
     return Survey(
-        np.full(3, _choose_scale(path, float((high - low).max()), reach)),
-        offsets,
+        np.full(3, scale),
+        np.where(needs_offset, middle, 0.0),
         columns,
         _settle_channels(fields, ranges, columns),
     )

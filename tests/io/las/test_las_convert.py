@@ -7,15 +7,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bushseg.errors import DataError, WriteError
-from bushseg.io.base import ScanInfo
+from bushseg.io.base import ScanInfo, ScanReader
 from bushseg.io.las import create_las, open_las
 from bushseg.points import PointCloud
 
-XYZ = np.array([(0.0, 0.0, 0.0), (1.5, -2.25, 0.125), (699_999.0, 6_600_000.125, 88.0)])
+XYZ = np.array([(0.0, 0.0, 0.0), (1.5, -2.25, 0.125), (69_999.0, 60_000.125, 88.0)])
+
+
+class ArrayReader(ScanReader):
+    """A scan that comes from arrays, two points at a time."""
+
+    def __init__(self, points, info):
+        self.points, self.info = points, info
+
+    def chunks(self, size=2):
+        for start in range(0, len(self.points), size):
+            part = slice(start, start + size)
+            columns = {name: values[part] for name, values in self.points.attributes.items()}
+            yield PointCloud(self.points.xyz[part], columns)
 
 
 @pytest.fixture
-def convert(memory_reader, tmp_path):
+def convert(tmp_path):
     """Write points of a scan that isn't LAS, chunk by chunk; the path written."""
 
     def run(xyz, attributes=None, added=None, codes=None, suffix=".las", crs=None):
@@ -25,7 +38,7 @@ def convert(memory_reader, tmp_path):
         points = PointCloud(
             np.asarray(xyz, float), {k: np.asarray(v) for k, v in attributes.items()}
         )
-        source = memory_reader(points, info)
+        source = ArrayReader(points, info)
         path = tmp_path / ("b" + suffix)
         writer = create_las(path, source, {name: v.dtype for name, v in added.items()})
         start = 0
@@ -49,8 +62,14 @@ def test_a_bare_scan_becomes_point_format_6(convert, suffix):
     np.testing.assert_array_equal(las.classification, [2, 255, 0])
     np.testing.assert_array_equal(las.return_number, [1, 1, 1])
     assert las.header.are_points_compressed == (suffix == ".laz")
-    # 6,600 km is too much for 1 mm in 32 bits from one end, not from the middle
-    np.testing.assert_allclose(las.xyz, XYZ, atol=0.0051)
+    np.testing.assert_allclose(las.xyz, XYZ, atol=0.5001e-4)
+
+
+def test_a_wide_scan_is_kept_to_a_millimetre_from_its_middle(convert):
+    xyz = XYZ * [50, 1, 1] + [0, 6.6e6, 0]
+    las = laspy.read(convert(xyz))
+    np.testing.assert_allclose(las.xyz, xyz, atol=0.5001e-3)
+    np.testing.assert_array_equal(las.header.offsets, [1749975, 6629999, 0])
 
 
 @settings(max_examples=60, deadline=None)
@@ -58,10 +77,10 @@ def test_a_bare_scan_becomes_point_format_6(convert, suffix):
     xyz=st.lists(st.tuples(*[st.floats(-500, 500)] * 3), min_size=1, max_size=9),
     shift=st.sampled_from([0.0, 6.6e6]),
 )
-def test_coordinates_keep_seven_digits_of_the_extent(memory_reader, tmp_path_factory, xyz, shift):
+def test_coordinates_keep_seven_digits_of_the_extent(tmp_path_factory, xyz, shift):
     array = np.array(xyz) + shift
     path = tmp_path_factory.mktemp("seven") / "b.las"
-    source = memory_reader(PointCloud(array), ScanInfo(path, "PLY", len(array), {}))
+    source = ArrayReader(PointCloud(array), ScanInfo(path, "PLY", len(array), {}))
     writer = create_las(path, source, {})
     for chunk in source.chunks():
         writer.write(chunk, {}, None)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from bushseg.codes import UNKNOWN, check_labels, look_up
+from bushseg.codes import UNKNOWN, UnknownCodes, check_labels, look_up
 from bushseg.errors import DataError
 
 # Code 0 is unlabelled, 2 is class 0, 300 is class 1; nothing else is known.
@@ -81,3 +81,14 @@ def test_check_labels() -> None:
         check_labels(np.array([0, 2]), 2, "prediction")
     with pytest.raises(DataError, match="label -2"):
         check_labels(np.array([-2, 0]), 2)
+
+
+def test_unknown_codes_add_up() -> None:
+    unknown = UnknownCodes()
+    assert str(unknown) == ""
+    unknown.add(look_up(np.array([7, 7, 2, np.nan]), TABLE))
+    unknown.add(look_up(np.array([7, 1000]), TABLE))
+    assert (unknown.codes, unknown.invalid, unknown.num_points) == ({7: 3, 1000: 1}, 1, 5)
+    assert str(unknown) == "7 (3), 1000 (1), no code at all (1)"
+    unknown.add(look_up(np.arange(10, 22), TABLE))
+    assert "4 more" in str(unknown)

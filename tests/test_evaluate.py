@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from bushseg.errors import DataError, ReadError
 from bushseg.evaluate import Evaluation, evaluate, evaluate_arrays
-from bushseg.io import ScanReader
-from bushseg.label_columns import open_labels
 from bushseg.labels import SCHEMES, ClassInfo, ClassScheme
 from bushseg.progress import Silent
 
@@ -134,45 +132,6 @@ def test_bare_codes(tmp_path: Path, suffix: str) -> None:
     check(evaluate(prediction, truth, BUSH))
 
 
-def test_blocks_of_other_lengths_are_aligned(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sizes = iter([2, 3])
-
-    def open_in_small_chunks(path: Path) -> ScanReader:
-        reader, size = open_labels(path), next(sizes)
-        chunks = reader.chunks
-        monkeypatch.setattr(reader, "chunks", lambda: chunks(size))
-        return reader
-
-    monkeypatch.setattr("bushseg.evaluate.open_labels", open_in_small_chunks)
-    prediction = write_csv(tmp_path / "p.csv", classification=CODES)
-    truth = write_csv(tmp_path / "t.csv", classification=TRUE_CODES)
-    notes = Notes()
-    check(evaluate(prediction, truth, BUSH, progress=notes))
-    assert notes.done == 5
-
-
-def test_counts_must_agree(tmp_path: Path) -> None:
-    prediction = write_csv(tmp_path / "p.csv", XYZ[:4], label=CODES[:4])
-    truth = write_csv(tmp_path / "t.csv", label=TRUE_CODES)
-    with pytest.raises(DataError, match=r"hold 4 and 5 points; expected the same points"):
-        evaluate(prediction, truth, BUSH)
-
-
-def test_coordinates_must_agree(tmp_path: Path) -> None:
-    truth = write_csv(tmp_path / "t.csv", label=TRUE_CODES)
-    near, far = XYZ.copy(), XYZ.copy()
-    near[3, 1] += 0.0009
-    far[3, 1] += 0.0011
-    check(evaluate(write_csv(tmp_path / "n.csv", near, label=CODES), truth, BUSH))
-    with pytest.raises(DataError, match=r"point 3 \(from 0\) lies 0\.0011 apart"):
-        evaluate(write_csv(tmp_path / "f.csv", far, label=CODES), truth, BUSH)
-    swapped = write_csv(tmp_path / "s.csv", XYZ[::-1], label=CODES)
-    with pytest.raises(DataError, match=r"point 0 \(from 0\) lies 4 apart"):
-        evaluate(swapped, truth, BUSH)
-
-
 def test_a_coarse_las_file_may_round(tmp_path: Path) -> None:
     coarse = write_las(tmp_path / "p.las", CODES, scale=0.5)
     shifted = XYZ + 0.2
@@ -212,41 +171,11 @@ def test_truth_in_another_scheme(tmp_path: Path) -> None:
     check(evaluate(prediction, truth, BUSH, truth_scheme=SCHEMES["semantic3d"]))
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"prediction_field": "clss"}, r"p\.csv: no column 'clss'; name one of label"),
-        ({"truth_field": "clss"}, r"t\.csv: no column 'clss'; name one of intensity"),
-        ({}, r"t\.csv: no column of labels; name one of intensity"),
-    ],
-)
-def test_missing_columns(tmp_path: Path, options: dict[str, str], message: str) -> None:
-    prediction = write_csv(tmp_path / "p.csv", label=CODES)
-    truth = write_csv(tmp_path / "t.csv", intensity=[1, 2, 3, 4, 5])
-    with pytest.raises(DataError, match=message):
-        evaluate(
-            prediction,
-            truth,
-            BUSH,
-            prediction_field=options.get("prediction_field"),
-            truth_field=options.get("truth_field"),
-        )
-
-
 def test_truth_without_labels_is_refused(tmp_path: Path) -> None:
     prediction = write_csv(tmp_path / "p.csv", label=CODES)
     truth = write_csv(tmp_path / "t.csv", label=[0, 0, 1, 90, 90])
     with pytest.raises(DataError, match=r"no point has a label .* \(unknown codes: 90 \(2\)\)"):
         evaluate(prediction, truth, BUSH)
-
-
-def test_a_column_that_is_no_class_is_refused(tmp_path: Path) -> None:
-    num_points = 70_000
-    path = tmp_path / "times.csv"
-    times = "\n".join(f"{i},0,0,{i + 1000},2" for i in range(num_points))
-    path.write_text(f"x,y,z,time,label\n{times}\n")
-    with pytest.raises(DataError, match=r"'time' holds more than 65,536 different values"):
-        evaluate(path, None, BUSH, prediction_field="time")
 
 
 def test_missing_files(tmp_path: Path) -> None:

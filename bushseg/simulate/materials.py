@@ -1,0 +1,56 @@
+"""What surfaces are made of: how bright the laser finds them, and their color."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """A surface's looks.
+
+    Attributes:
+        reflectance: Share of the laser's light that returns at normal incidence, near infrared.
+        color: Red, green and blue in daylight, 0 to 255.
+    """
+
+    reflectance: float
+    color: tuple[int, int, int]
+
+
+SOIL = Material(0.30, (112, 100, 66))
+LAWN = Material(0.42, (104, 124, 60))
+GRAVEL = Material(0.36, (158, 150, 138))
+GRASS = Material(0.55, (136, 156, 74))
+BARK = Material(0.35, (92, 74, 58))
+PLASTER = Material(0.75, (228, 220, 202))
+TILES = Material(0.40, (158, 76, 56))
+GLASS = Material(0.08, (70, 84, 98))
+WOOD = Material(0.50, (140, 102, 66))
+STONE = Material(0.45, (150, 146, 138))
+METAL = Material(0.60, (120, 124, 128))
+RUBBER = Material(0.06, (36, 36, 38))
+SKIN = Material(0.45, (206, 164, 138))
+
+BROADLEAF = (
+    Material(0.52, (70, 112, 42)),
+    Material(0.50, (88, 122, 48)),
+    Material(0.56, (108, 132, 60)),
+    Material(0.48, (58, 98, 50)),
+)
+SHRUB_LEAF = (
+    Material(0.50, (60, 100, 44)),
+    Material(0.54, (98, 128, 52)),
+    Material(0.46, (74, 104, 72)),
+    Material(0.50, (122, 116, 58)),
+    Material(0.44, (104, 62, 54)),
+)
+NEEDLES = (Material(0.38, (46, 80, 52)), Material(0.42, (58, 90, 66)))
+PAINT = (
+    Material(0.55, (168, 36, 36)),
+    Material(0.70, (222, 222, 224)),
+    Material(0.30, (44, 62, 104)),
+)
+CLOTH = (
+    Material(0.50, (196, 124, 40)),
+    Material(0.35, (58, 70, 112)),
+    Material(0.55, (150, 150, 150)),
+)

@@ -1,0 +1,40 @@
+import pytest
+from pydantic import ValidationError
+
+from bushseg.simulate import SimulateConfig
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("num_sites", 0),
+        ("seed", -1),
+        ("size", 3.0),
+        ("size", float("nan")),
+        ("num_bushes", -1),
+        ("num_trees", 1.5),
+        ("sensor", "sonar"),
+        ("stations", 0),
+        ("angular_step", 0.0),
+        ("max_range", float("inf")),
+        ("range_noise", -0.01),
+        ("dropout", 1.0),
+        ("bushes", 12),
+    ],
+)
+def test_nonsense_is_refused_by_name(setting, value):
+    with pytest.raises(ValidationError, match=setting):
+        SimulateConfig.model_validate({setting: value})
+
+
+def test_ranges_must_fit_each_other():
+    with pytest.raises(ValidationError, match="min_range"):
+        SimulateConfig(min_range=10, max_range=5)
+    with pytest.raises(ValidationError, match="flight_height"):
+        SimulateConfig(sensor="airborne", flight_height=100, max_range=110)
+
+
+def test_settings_are_frozen_and_described():
+    with pytest.raises(ValidationError, match="frozen"):
+        SimulateConfig().seed = 3
+    assert all(field.description for field in SimulateConfig.model_fields.values())

@@ -1,0 +1,171 @@
+import laspy
+import numpy as np
+import pytest
+
+from bushseg.errors import DataError
+from bushseg.simulate import SimulateConfig, simulate
+from bushseg.simulate.scanner import scan
+from bushseg.simulate.scene import CLASS_CODES
+from bushseg.simulate.sensors import SENSORS, SPINNING_BEAMS, SPINNING_COLUMNS
+from bushseg.simulate.site import make_site
+
+SMALL = SimulateConfig(
+    size=24, angular_step=1.0, stations=2, num_bushes=12, num_trees=3, grass_density=40
+)
+
+
+@pytest.fixture(scope="module")
+def sites(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("sites"), SMALL.model_copy(update={"num_sites": 2}))
+
+
+@pytest.fixture(scope="module")
+def site(sites):
+    return laspy.read(sites[0])
+
+
+def test_names_and_order(sites):
+    assert [path.name for path in sites] == ["site_000.laz", "site_001.laz"]
+    assert sorted(path.name for path in sites[0].parent.iterdir()) == [p.name for p in sites]
+
+
+def test_same_seed_same_file(sites, tmp_path):
+    (again,) = simulate(tmp_path, SMALL)
+    assert again.read_bytes() == sites[0].read_bytes()
+
+
+def test_sites_and_seeds_differ(sites, tmp_path):
+    (other,) = simulate(tmp_path, SMALL.model_copy(update={"seed": 1}))
+    contents = {path.read_bytes() for path in (*sites, other)}
+    assert len(contents) == 3
+
+
+def test_all_classes_are_there(site):
+    assert set(np.unique(site.classification)) == set(CLASS_CODES.values())
+
+
+def test_header_and_dimensions(site):
+    assert (str(site.header.version), site.header.point_format.id) == ("1.4", 7)
+    np.testing.assert_array_equal(site.header.scales, 0.001)
+    np.testing.assert_array_equal(site.header.offsets, (500_000, 5_400_000, 250))
+    assert site["instance"].dtype == np.uint32
+    assert site.header.global_encoding.wkt
+    assert set(np.unique(site.point_source_id)) == {1, 2}
+    assert (np.diff(site.gps_time) > 0).all()
+    assert site.intensity.max() > 10_000
+    assert site.green.max() > 10_000
+
+
+def test_coordinates_survive_projection(site):
+    assert (np.abs(site.x - 500_012) < 24).all()
+    assert (np.abs(site.y - 5_400_012) < 24).all()
+    # Neighboring rays aren't half a metre apart, as float32 northings would have it.
+    assert len(np.unique(site.y)) > len(site.y) / 4
+
+
+def test_an_instance_has_one_class(site):
+    pairs = np.unique(np.stack([site["instance"], site.classification]), axis=1)
+    things = pairs[0, pairs[0] > 0]
+    assert len(things) == len(np.unique(things))
+    assert set(pairs[1, pairs[0] == 0]) == {CLASS_CODES["ground"], CLASS_CODES["low vegetation"]}
+    assert 8 <= np.sum(pairs[1] == CLASS_CODES["bush"]) <= SMALL.num_bushes
+    assert 1 <= np.sum(pairs[1] == CLASS_CODES["tree"]) <= SMALL.num_trees
+
+
+def test_sites_lie_side_by_side(sites):
+    with laspy.open(sites[1]) as reader:
+        assert reader.header.offsets[0] == 500_100
+
+
+def test_nothing_lies_below_the_ground():
+    config = SMALL.model_copy(update={"range_noise": 0.0})
+    made = make_site(np.random.default_rng(5), config)
+    rays = SENSORS["tripod"](made, config)
+    batches = list(scan(np.random.default_rng(6), made.scene, rays, config))
+    xyz = np.concatenate([returns.xyz for returns in batches])
+    codes = np.concatenate([returns.class_code for returns in batches])
+    # Beyond the edge there is no ground: crowns overhang it.
+    within = ((xyz[:, :2] > 0) & (xyz[:, :2] < config.size)).all(axis=1)
+    above = xyz[within, 2] - made.terrain.height(xyz[within, :2])
+    assert above.min() > -1e-3
+    assert np.abs(above[codes[within] == CLASS_CODES["ground"]]).max() < 1e-3
+    assert above[codes[within] == CLASS_CODES["low vegetation"]].max() < 0.8
+
+
+def test_as_many_plants_as_asked_for_even_where_there_is_no_room():
+    made = make_site(
+        np.random.default_rng(0),
+        SimulateConfig(size=20, num_bushes=80, num_trees=0, grass_density=0),
+    )
+    plants = {part.instance for part in made.scene.parts if part.class_code == CLASS_CODES["bush"]}
+    assert len(plants) == 80
+
+
+def test_a_bare_site_is_ground_alone(tmp_path):
+    bare = SimulateConfig(
+        size=20,
+        num_bushes=0,
+        num_trees=0,
+        grass_density=0,
+        building=False,
+        boundary=False,
+        num_poles=0,
+        num_vehicles=0,
+        num_people=0,
+        angular_step=2,
+        color=False,
+    )
+    las = laspy.read(simulate(tmp_path, bare)[0])
+    assert np.unique(las.classification).tolist() == [CLASS_CODES["ground"]]
+    assert las.header.point_format.id == 6
+
+
+def test_airborne_sees_the_whole_site(tmp_path):
+    config = SMALL.model_copy(update={"sensor": "airborne", "pulse_spacing": 0.4})
+    las = laspy.read(simulate(tmp_path, config)[0])
+    assert np.ptp(las.x) > 23
+    assert np.ptp(las.y) > 23
+    assert {2, 4, 5, 6} <= set(np.unique(las.classification))
+
+
+def test_spinning_writes_a_kitti_frame(tmp_path):
+    config = SMALL.model_copy(update={"sensor": "spinning"})
+    (path,) = simulate(tmp_path, config)
+    points = np.fromfile(path, "<f4").reshape(-1, 4)
+    labels = np.fromfile(path.with_suffix(".label"), "<u4")
+    assert len(points) == len(labels) == SPINNING_BEAMS * SPINNING_COLUMNS
+    missing = (points[:, :3] == 0).all(axis=1)
+    np.testing.assert_array_equal(labels == 0, missing)
+    assert 0.05 < missing.mean() < 0.9
+    assert set(np.unique(labels & 0xFFFF)) <= {0, *CLASS_CODES.values()}
+    ranges = np.linalg.norm(points[~missing, :3], axis=1)
+    assert ranges.min() > 0.3
+    assert points[:, 3].max() <= 1
+
+
+def test_no_returns_leave_no_file(tmp_path):
+    config = SMALL.model_copy(update={"min_range": 1e-4, "max_range": 1e-3})
+    with pytest.raises(DataError, match="max_range"):
+        simulate(tmp_path, config)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_is_told(tmp_path):
+    class Watcher:
+        def __init__(self):
+            self.stages, self.steps, self.notes = [], 0, []
+
+        def start(self, stage, total, unit):
+            self.stages.append((total, unit))
+
+        def advance(self, amount):
+            self.steps += amount
+
+        def note(self, message):
+            self.notes.append(message)
+
+    watcher = Watcher()
+    simulate(tmp_path, SMALL.model_copy(update={"angular_step": 5.0}), progress=watcher)
+    assert watcher.stages == [(1, "sites")]
+    assert watcher.steps == 1
+    assert "site_000.laz" in watcher.notes[0]

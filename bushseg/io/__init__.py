@@ -106,7 +106,13 @@ def open_scan(path: str | Path) -> ScanReader:
     """
     path = Path(path)
     check_file(path)
-    return _reader_of(path)(path)
+    opener = _reader_of(path)
+    try:
+        return opener(path)
+    except OSError as error:
+        raise ReadError(
+            path, f"a read error ({error.strerror or error})", "a readable file; check the disk"
+        ) from error
 
 
 def read(path: str | Path) -> PointCloud:

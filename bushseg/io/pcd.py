@@ -37,7 +37,7 @@ _MAX_LINE_BYTES = 1 << 16
 _MAX_DIGITS = 20
 _MAX_HEADER_LINES = 1000
 _MAX_FIELDS = 10_000
-_MAX_COUNT = 1 << 20
+_MAX_POINT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,11 +163,14 @@ def _parse_dtype(path: Path, entries: Mapping[str, list[str]]) -> np.dtype[Any]:
             f"{len(names)} FIELDS, {len(sizes)} SIZE, {len(types)} TYPE and {len(counts)} COUNT",
             "one of each a field",
         )
+    num_bytes = sum(size * count for size, count in zip(sizes, counts, strict=True))
+    if num_bytes > _MAX_POINT_BYTES:
+        raise ReadError(path, f"{num_bytes:,} bytes a point", f"at most {_MAX_POINT_BYTES:,}")
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for index, (name, size, kind, count) in enumerate(
         zip(names, sizes, types, counts, strict=True)
     ):
-        if size not in _TYPE_SIZES.get(kind, ()) or not 0 < count <= _MAX_COUNT:
+        if size not in _TYPE_SIZES.get(kind, ()) or count == 0:
             raise ReadError(
                 path,
                 f"field {name!r} of TYPE {kind}, SIZE {size} and COUNT {count}",

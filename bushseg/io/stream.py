@@ -10,14 +10,18 @@ from bushseg.errors import WriteError
 from bushseg.io.base import ScanReader, ScanWriter
 from bushseg.points import AttributeArray
 
+_CHUNK_BYTES = 1 << 27
+
 
 def read_records(
     path: Path, offset: int, dtype: np.dtype[Any], count: int, size: int
 ) -> Iterator[AttributeArray]:
     """Yield `count` binary records from `offset` on, at most `size` at a time.
 
+    Wide records (a descriptor a point) come in smaller chunks, so that memory stays bounded.
     A file that ends early yields fewer; whoever counts them knows what to say about it.
     """
+    size = max(1, min(size, _CHUNK_BYTES // dtype.itemsize))
     with path.open("rb") as file:
         file.seek(offset)
         for start in range(0, count, size):

@@ -41,6 +41,19 @@ def test_open_scan_refuses(tmp_path: Path) -> None:
             io.open_scan(tmp_path / name)
 
 
+def test_a_failing_disk_is_a_read_error(
+    tmp_path: Path, samples: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.ply").write_bytes(samples["little.ply"])
+
+    def fail(path: Path) -> io.ScanReader:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setitem(io.READERS, ".ply", fail)
+    with pytest.raises(ReadError, match="Input/output error"):
+        io.open_scan(tmp_path / "a.ply")
+
+
 def test_create_refuses(tmp_path: Path, samples: dict[str, bytes]) -> None:
     (tmp_path / "a.ply").write_bytes(samples["little.ply"])
     scan = io.open_scan(tmp_path / "a.ply")

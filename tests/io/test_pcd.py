@@ -94,7 +94,7 @@ def test_writes_the_sensor_position(tmp_path: Path) -> None:
         ("TYPE F F F", "TYPE F F X", "TYPE X"),
         ("COUNT 1 1 1", "COUNT 1 1 0", "COUNT of 1"),
         ("COUNT 1 1 1", "COUNT 1 1 2", "truncated"),
-        ("COUNT 1 1 1", f"COUNT 1 1 {2**40}", "COUNT"),
+        ("COUNT 1 1 1", f"COUNT 1 1 {2**40}", "bytes a point"),
         ("FIELDS x y z", "FIELDS x y x", "twice"),
         ("FIELDS x y z", "FIELDS x y w", "x, y and z"),
         ("FIELDS x y z\n", "", "0 FIELDS"),

@@ -60,11 +60,15 @@ class LasReader(ScanReader):
         dtype = self.layout.dtype
         size = max(1, min(size, _MAX_CHUNK_BYTES // dtype.itemsize))
         num_points = 0
-        for raw in self._raw_chunks(size):
-            records = raw.view(dtype)
-            num_points += len(records)
-            xyz = scale_coordinates(records, self.header.scales, self.header.offsets)
-            yield PointCloud(xyz, self.layout.attributes(records), records)
+        try:
+            for raw in self._raw_chunks(size):
+                records = raw.view(dtype)
+                num_points += len(records)
+                xyz = scale_coordinates(records, self.header.scales, self.header.offsets)
+                yield PointCloud(xyz, self.layout.attributes(records), records)
+        except OSError as error:
+            found = f"unreadable after {num_points:,} points ({error.strerror or error})"
+            raise ReadError(self.info.path, found, "a file on a disk that works") from error
         if num_points != self.header.num_points:
             raise ReadError(
                 self.info.path,

@@ -196,9 +196,9 @@ def _read_chunk_table(
             f"a table of {num_chunks:,} LAZ chunks",
             f"one for {header.num_points:,} points in {room:,} bytes; the file is damaged",
         )
-    file.seek(start)
+    file.seek(table)
     with _lazrs_as_read_errors(path):
-        entries = lazrs.read_chunk_table(file, lazrs.LazVlr(vlr))
+        entries = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
     if not variable:
         entries = [(chunk_size, num_bytes) for _, num_bytes in entries[:needed]]
         entries[-1] = (header.num_points - chunk_size * (needed - 1), entries[-1][1])

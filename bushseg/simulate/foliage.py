@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bushseg.points import FloatArray
+from bushseg.simulate.config import SimulateConfig
 from bushseg.simulate.materials import GRASS
 from bushseg.simulate.mesh import Mesh, Model, Surface, instances
 from bushseg.simulate.terrain import Terrain, on_drive, waves
@@ -60,26 +61,21 @@ def foliage(
 
 
 def meadow(
-    rng: np.random.Generator,
-    terrain: Terrain,
-    size: float,
-    density: float,
-    drive: FloatArray | None,
+    rng: np.random.Generator, terrain: Terrain, config: SimulateConfig, drive: FloatArray | None
 ) -> Model:
     """Grow grass in patches, blade by blade.
 
     Args:
         rng: Source of randomness.
         terrain: The ground it grows on.
-        size: Edge of the site, metres.
-        density: Blades per square metre, over the whole site.
+        config: The site's size and how many blades grow.
         drive: The ends of a drive on which none grow, metres, shape (2, 2), or None.
 
     Returns:
         One surface of one triangle a blade; none where no blade grows.
     """
-    num_blades = round(density * size**2)
-    xy = rng.uniform(0, size, (3 * num_blades, 2))
+    num_blades = round(config.grass_density * config.size**2)
+    xy = rng.uniform(0, config.size, (3 * num_blades, 2))
     lush = waves(rng, xy, shortest=2, longest=12)
     chosen = np.argsort(-(lush + 0.8 * rng.standard_normal(len(xy))), kind="stable")[:num_blades]
     chosen = chosen[~on_drive(xy[chosen], drive)]

@@ -19,6 +19,8 @@ FIRST_TIME = 441_763_200.0
 
 STATION_SECONDS = 600.0
 
+NO_RETURN = "{}: no ray came back; expected returns, raise max_range"
+
 UTM_32N = (
     'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84",DATUM["WGS_1984",'
     'SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],AUTHORITY["EPSG","6326"]],'
@@ -67,7 +69,7 @@ def write_laz(path: Path, batches: Iterable[Returns], origin: FloatArray, *, col
                 writer.write_points(_record(header, returns, origin, color=color))
                 num_points += len(returns)
         if not num_points:
-            raise DataError(f"{path}: no ray came back; expected returns, raise max_range")
+            raise DataError(NO_RETURN.format(path))
     return num_points
 
 
@@ -107,6 +109,7 @@ def write_kitti(path: Path, batches: Iterable[Returns], sensor: FloatArray) -> i
         The number of rays written.
 
     Raises:
+        DataError: There is no return at all.
         WriteError: The folder can't be written to.
     """
     points, labels = [], []
@@ -115,10 +118,12 @@ def write_kitti(path: Path, batches: Iterable[Returns], sensor: FloatArray) -> i
         point[returns.ray, :3] = returns.xyz - sensor
         point[returns.ray, 3] = returns.intensity / FULL_SCALE
         label = np.zeros(returns.num_rays, "<u4")
-        label[returns.ray] = returns.class_code | (returns.instance & 0xFFFF) << 16
+        label[returns.ray] = returns.class_code | returns.instance << 16
         points.append(point)
         labels.append(label)
     frame = np.concatenate(points)
+    if not frame.any():
+        raise DataError(NO_RETURN.format(path))
     with atomic_path(path.with_suffix(".label")) as partial:
         partial.write_bytes(np.concatenate(labels).tobytes())
     with atomic_path(path) as partial:

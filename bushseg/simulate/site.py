@@ -6,15 +6,30 @@ import numpy as np
 
 from bushseg.points import FloatArray
 from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.foliage import meadow
-from bushseg.simulate.mesh import placed
-from bushseg.simulate.plants import HABITS, Form, bush, tree
+from bushseg.simulate.foliage import GOLDEN_ANGLE, meadow
+from bushseg.simulate.mesh import Model, placed
+from bushseg.simulate.plants import Form, Habit, bush, tree
 from bushseg.simulate.scene import Scene
 from bushseg.simulate.structures import car, fence, house, lamp_post, person, wall
 from bushseg.simulate.terrain import Terrain, cover, make_terrain
 
+EDGE = 0.8
+"""Where the boundary runs, metres from the site's edge."""
+
 MARGIN = 2.0
+"""Everything else keeps this much from the site's edge, metres."""
+
 CANDIDATES = 60
+"""Places tried for each thing."""
+
+SPREADS: dict[Habit, tuple[float, float]] = {
+    "mound": (0.9, 1.5),
+    "columnar": (0.35, 0.5),
+    "multi-stemmed": (0.7, 1.1),
+}
+"""Least and greatest width of a bush that stands free, over its height."""
+
+FREE_HABITS = tuple(SPREADS)
 
 
 @dataclass(slots=True)
@@ -76,136 +91,130 @@ class Site:
 def make_site(rng: np.random.Generator, config: SimulateConfig) -> Site:
     """Draw a site of `config.size` metres with its corner at the origin."""
     terrain = make_terrain(rng, config)
-    layout, scene = Layout(config.size), Scene()
-    drive = _build(rng, config, terrain, layout, scene)
-    stations = _stations(rng, config, layout)
-    _plant_trees(rng, config, terrain, layout, scene)
-    _furnish(rng, config, terrain, layout, scene, drive)
-    _plant_bushes(rng, config, terrain, layout, scene)
-    scene.add(cover(rng, terrain, drive), "ground", instance=False)
-    grass = meadow(rng, terrain, config.size, config.grass_density, drive)
-    scene.add(grass, "low vegetation", instance=False)
-    return Site(scene, terrain, np.column_stack([stations, terrain.height(stations)]))
+    return _Builder(rng, config, terrain, Layout(config.size), Scene()).build()
 
 
-def _build(
-    rng: np.random.Generator,
-    config: SimulateConfig,
-    terrain: Terrain,
-    layout: Layout,
-    scene: Scene,
-) -> FloatArray | None:
-    """Set house, fence and wall; return the ends of the drive (2, 2), or None without a house."""
-    size, edge = config.size, 0.8
-    corners = np.array([(edge, edge), (size - edge, edge), (size - edge, size - edge)])
-    if config.boundary:
-        scene.add(fence(terrain, corners[0], corners[1], rng.uniform(1.0, 1.4)), "man-made")
-        scene.add(wall(terrain, corners[1], corners[2], rng.uniform(0.8, 1.6)), "man-made")
-    if not config.building:
-        return None
-    length = min(rng.uniform(7, 11), size / 4)
-    width = min(rng.uniform(5.5, 7), size / 5)
-    radius = float(np.hypot(length, width)) / 2
-    middle = np.array([[0.0, size]]) + (radius + MARGIN) * np.array([1, -1])
-    middle = middle + rng.uniform(0, 0.05 * size, (1, 2)) * (1, -1)
-    place = layout.claim(middle, radius)
-    yaw = rng.uniform(-0.2, 0.2)
-    model = house(length, width, rng.uniform(2.6, 3.4))
-    scene.add(placed(model, terrain.point(place), yaw), "building")
-    gate = np.array([place[0] + rng.uniform(0, 0.2) * size, edge])
-    return np.array([place - (0, width / 2 + 0.8), gate])
+@dataclass(frozen=True, slots=True)
+class _Builder:
+    """Puts one thing after another where there is room; the order decides who yields."""
 
+    rng: np.random.Generator
+    config: SimulateConfig
+    terrain: Terrain
+    layout: Layout
+    scene: Scene
 
-def _stations(rng: np.random.Generator, config: SimulateConfig, layout: Layout) -> FloatArray:
-    """Spread stations in a spiral about the middle and keep 2.5 m around each free; (S, 2)."""
-    order = np.arange(config.stations)
-    radius = 0.36 * config.size * np.sqrt((order + 0.5) / config.stations)
-    angle = rng.uniform(0, 2 * np.pi) + 2.4 * order
-    aims = config.size / 2 + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.array([layout.claim(layout.near(rng, aim, 1.0), 2.5) for aim in aims])
+    def build(self) -> Site:
+        """Furnish the whole site."""
+        if self.config.boundary:
+            self._enclose()
+        drive = self._build_house() if self.config.building else None
+        stations = self._stations()
+        self._plant_trees()
+        self._park(drive)
+        for _ in range(self.config.num_poles):
+            self._stand(lamp_post(self.rng.uniform(4, 7)), "man-made")
+        for _ in range(self.config.num_people):
+            self._stand(person(self.rng), "vehicle or person")
+        self._plant_bushes()
+        self.scene.add(cover(self.rng, self.terrain, drive), "ground", instance=False)
+        grass = meadow(self.rng, self.terrain, self.config, drive)
+        self.scene.add(grass, "low vegetation", instance=False)
+        heights = self.terrain.height(stations)
+        return Site(self.scene, self.terrain, np.column_stack([stations, heights]))
 
+    def _add(self, model: Model, class_name: str, place: FloatArray, yaw: float) -> None:
+        """Set a model on the ground at `place` (2,), metres, turned by `yaw` radians."""
+        self.scene.add(placed(model, self.terrain.point(place), yaw), class_name)
 
-def _plant_trees(
-    rng: np.random.Generator,
-    config: SimulateConfig,
-    terrain: Terrain,
-    layout: Layout,
-    scene: Scene,
-) -> None:
-    """Plant trees of 4 to 18 m; every other crown begins low."""
-    for number in range(config.num_trees):
-        height = rng.uniform(4, 18) if number else rng.uniform(9, 14)
-        form: Form = "conifer" if rng.random() < 0.35 else "broadleaf"
-        width = (
-            height * rng.uniform(0.3, 0.4) if form == "conifer" else height * rng.uniform(0.4, 0.6)
+    def _yaw(self) -> float:
+        return self.rng.uniform(0, 2 * np.pi)
+
+    def _enclose(self) -> None:
+        """Run a fence along the southern and a wall along the eastern edge."""
+        near, far = EDGE, self.config.size - EDGE
+        west, corner, north = np.array([(near, near), (far, near), (far, far)])
+        pickets = fence(self.terrain, west, corner, self.rng.uniform(1.0, 1.4))
+        self.scene.add(pickets, "man-made")
+        stones = wall(self.terrain, corner, north, self.rng.uniform(0.8, 1.6))
+        self.scene.add(stones, "man-made")
+
+    def _build_house(self) -> FloatArray:
+        """Set a house in the north-western corner; return the ends of its drive, (2, 2)."""
+        size = self.config.size
+        length = min(self.rng.uniform(7, 11), size / 4)
+        width = min(self.rng.uniform(5.5, 7), size / 5)
+        radius = float(np.hypot(length, width)) / 2
+        inward = np.array([1, -1])
+        corner = np.array([0, size]) + (radius + MARGIN) * inward
+        place = self.layout.claim(
+            (corner + self.rng.uniform(0, 0.05 * size, 2) * inward)[None], radius
         )
-        base = height * (rng.uniform(0.04, 0.15) if number % 2 else rng.uniform(0.3, 0.5))
-        # Crowns keep clear of each other and of the stations; bushes may stand under them.
-        place = layout.claim(layout.anywhere(rng), 0.45 * width, keep=0.5)
-        model = tree(rng, form, height, width, base)
-        scene.add(placed(model, terrain.point(place), rng.uniform(0, 2 * np.pi)), "tree")
+        model = house(length, width, eaves=self.rng.uniform(2.6, 3.4))
+        self._add(model, "building", place, self.rng.uniform(-0.2, 0.2))
+        gate = np.array([place[0] + self.rng.uniform(0, 0.2) * size, EDGE])
+        return np.array([place - np.array([0, width / 2 + 0.8]), gate])
 
+    def _stations(self) -> FloatArray:
+        """Spread stations in a spiral about the middle and keep 2.5 m around each free; (S, 2)."""
+        size, number = self.config.size, self.config.stations
+        order = np.arange(number)
+        radius = 0.36 * size * np.sqrt((order + 0.5) / number)
+        angle = self._yaw() + GOLDEN_ANGLE * order
+        aims = size / 2 + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        near = (self.layout.near(self.rng, aim, 1.0) for aim in aims)
+        return np.array([self.layout.claim(candidates, 2.5) for candidates in near])
 
-def _plant_bushes(
-    rng: np.random.Generator,
-    config: SimulateConfig,
-    terrain: Terrain,
-    layout: Layout,
-    scene: Scene,
-) -> None:
-    """Plant bushes of 0.4 to 3 m: hedges along the edges, the rest singly or in clumps."""
-    last = np.full(2, config.size / 2)
-    for number in range(config.num_bushes):
-        if number % 10 == 9:
-            place, yaw, width, height = _hedge_place(rng, config.size, number)
-            model = bush(rng, "hedge", height, width)
-            layout.discs.append((*place, 0.5))
-        else:
-            habit = HABITS[rng.choice(3, p=(0.5, 0.15, 0.35))]
+    def _plant_trees(self) -> None:
+        """Plant trees of 4 to 18 m; every other crown begins low."""
+        rng = self.rng
+        for number in range(self.config.num_trees):
+            form: Form = "conifer" if rng.random() < 0.35 else "broadleaf"
+            height = rng.uniform(4, 18)
+            slenderness = rng.uniform(0.3, 0.4) if form == "conifer" else rng.uniform(0.4, 0.6)
+            crown_base = rng.uniform(0.04, 0.15) if number % 2 else rng.uniform(0.3, 0.5)
+            model = tree(rng, form, height, slenderness * height, crown_base * height)
+            # Crowns keep clear of each other and of the stations; bushes may stand under them.
+            room = 0.45 * slenderness * height
+            place = self.layout.claim(self.layout.anywhere(rng), room, keep=0.5)
+            self._add(model, "tree", place, self._yaw())
+
+    def _plant_bushes(self) -> None:
+        """Plant bushes of 0.4 to 3 m: each tenth a hedge, the rest singly or in clumps."""
+        rng, last = self.rng, np.full(2, self.config.size / 2)
+        for number in range(self.config.num_bushes):
+            if number % 10 == 9:
+                self._plant_hedge(southern=number % 20 == 9)
+                continue
+            habit = FREE_HABITS[rng.choice(len(FREE_HABITS), p=(0.5, 0.15, 0.35))]
             height = float(np.clip(rng.lognormal(0.2, 0.5), 0.4, 3.0))
-            spread = {"mound": (0.9, 1.5), "columnar": (0.35, 0.5), "multi-stemmed": (0.7, 1.1)}
-            width, yaw = height * rng.uniform(*spread[habit]), rng.uniform(0, 2 * np.pi)
+            width = height * rng.uniform(*SPREADS[habit])
             alone = rng.random() < 0.6
-            where = layout.anywhere(rng) if alone else layout.near(rng, last, 1.5)
-            place = layout.claim(where, 0.4 * width)
-            model, last = bush(rng, habit, height, width), place
-        scene.add(placed(model, terrain.point(place), yaw), "bush")
+            where = self.layout.anywhere(rng) if alone else self.layout.near(rng, last, 1.5)
+            last = self.layout.claim(where, 0.4 * width)
+            self._add(bush(rng, habit, height, width), "bush", last, self._yaw())
 
+    def _plant_hedge(self, *, southern: bool) -> None:
+        """Plant a length of hedge by the southern or the eastern edge."""
+        size = self.config.size
+        length, height = self.rng.uniform(3, 0.3 * size), self.rng.uniform(0.8, 2.0)
+        along = self.rng.uniform(MARGIN + length / 2, size - MARGIN - length / 2)
+        place = np.array([along, MARGIN] if southern else [size - MARGIN, along])
+        model = bush(self.rng, "hedge", height, length)
+        self._add(model, "bush", place, 0.0 if southern else np.pi / 2)
 
-def _hedge_place(
-    rng: np.random.Generator, size: float, number: int
-) -> tuple[FloatArray, float, float, float]:
-    """A hedge's middle (2,), yaw in radians, length and height in metres, along some edge."""
-    length = rng.uniform(3, 0.3 * size)
-    along = rng.uniform(MARGIN + length / 2, size - MARGIN - length / 2)
-    height = rng.uniform(0.8, 2.0)
-    if number % 20 == 9:
-        return np.array([along, MARGIN]), 0.0, length, height
-    return np.array([size - MARGIN, along]), np.pi / 2, length, height
+    def _park(self, drive: FloatArray | None) -> None:
+        """Park cars on the drive (2, 2), or anywhere where there is none."""
+        for _ in range(self.config.num_vehicles):
+            where, yaw = self.layout.anywhere(self.rng), self._yaw()
+            if drive is not None:
+                along = drive[1] - drive[0]
+                where = drive[0] + self.rng.uniform(0.25, 0.8, (CANDIDATES, 1)) * along
+                yaw = float(np.arctan2(along[1], along[0]))
+            place = self.layout.claim(where, 2.3)
+            self._add(car(self.rng), "vehicle or person", place, yaw)
 
-
-def _furnish(
-    rng: np.random.Generator,
-    config: SimulateConfig,
-    terrain: Terrain,
-    layout: Layout,
-    scene: Scene,
-    drive: FloatArray | None,
-) -> None:
-    """Set out cars (on the drive, if there is one), lamp posts and people."""
-    for _ in range(config.num_vehicles):
-        where, yaw = layout.anywhere(rng), rng.uniform(0, 2 * np.pi)
-        if drive is not None:
-            along = drive[1] - drive[0]
-            where = drive[0] + rng.uniform(0.25, 0.8, (CANDIDATES, 1)) * along
-            yaw = float(np.arctan2(along[1], along[0]))
-        place = layout.claim(where, 2.3)
-        scene.add(placed(car(rng), terrain.point(place), yaw), "vehicle or person")
-    for _ in range(config.num_poles):
-        place = layout.claim(layout.anywhere(rng), 0.6)
-        model = placed(lamp_post(rng.uniform(4, 7)), terrain.point(place), rng.uniform(0, 6.28))
-        scene.add(model, "man-made")
-    for _ in range(config.num_people):
-        place = layout.claim(layout.anywhere(rng), 0.6)
-        model = placed(person(rng), terrain.point(place), rng.uniform(0, 6.28))
-        scene.add(model, "vehicle or person")
+    def _stand(self, model: Model, class_name: str) -> None:
+        """Stand something slim wherever there is room."""
+        place = self.layout.claim(self.layout.anywhere(self.rng), 0.6)
+        self._add(model, class_name, place, self._yaw())

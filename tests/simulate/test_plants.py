@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from bushseg.simulate import SimulateConfig
 from bushseg.simulate.foliage import SPRIGS, foliage, leaf_area, meadow
 from bushseg.simulate.materials import BARK
 from bushseg.simulate.plants import HABITS, bush, tree
@@ -61,8 +62,9 @@ def test_leaf_area_of_a_sprig():
 
 def test_meadow_keeps_off_the_drive_and_stands_on_the_ground():
     terrain = Terrain(np.full((51, 51), 7.0), cell=0.4)
+    config = SimulateConfig(size=20, grass_density=30)
     drive = np.array([(0, 10), (20, 10)], float)
-    ((mesh, _),) = meadow(np.random.default_rng(0), terrain, 20, 30, drive)
+    ((mesh, _),) = meadow(np.random.default_rng(0), terrain, config, drive)
     blades = mesh.vertices[mesh.triangles]
     np.testing.assert_allclose(blades[:, :2, 2], 7.0)
     assert (blades[:, 2, 2] > 7.02).all()
@@ -73,4 +75,5 @@ def test_meadow_keeps_off_the_drive_and_stands_on_the_ground():
 
 def test_no_grass_where_none_is_wanted():
     terrain = Terrain(np.zeros((51, 51)), cell=0.4)
-    assert meadow(np.random.default_rng(0), terrain, 20, 0, None) == []
+    config = SimulateConfig(size=20, grass_density=0)
+    assert meadow(np.random.default_rng(0), terrain, config, None) == []

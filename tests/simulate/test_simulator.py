@@ -143,8 +143,9 @@ def test_spinning_writes_a_kitti_frame(tmp_path):
     assert points[:, 3].max() <= 1
 
 
-def test_no_returns_leave_no_file(tmp_path):
-    config = SMALL.model_copy(update={"min_range": 1e-4, "max_range": 1e-3})
+@pytest.mark.parametrize("sensor", ["tripod", "spinning"])
+def test_no_returns_leave_no_file(tmp_path, sensor):
+    config = SMALL.model_copy(update={"sensor": sensor, "min_range": 1e-4, "max_range": 1e-3})
     with pytest.raises(DataError, match="max_range"):
         simulate(tmp_path, config)
     assert list(tmp_path.iterdir()) == []

@@ -117,8 +117,8 @@ class PointLayout:
         """
         descriptors = [extra.descriptor for extra in self.extras]
         for start in range(0, self.num_undescribed, 255):
-            count = min(255, self.num_undescribed - start)
-            descriptors.append(_pack_descriptor(UNDESCRIBED, 0, count))
+            num_bytes = min(255, self.num_undescribed - start)
+            descriptors.append(_pack_descriptor(UNDESCRIBED, 0, num_bytes))
         return tuple(descriptors)
 
     def with_added(

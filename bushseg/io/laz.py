@@ -119,19 +119,17 @@ def garbles_waveforms(point_format: int, flags: NDArray[np.uint8], first: np.uin
 
 @contextmanager
 def lazrs_errors(convert: Callable[[str], BushsegError]) -> Iterator[None]:
-    """Turn what lazrs returns or panics with into a BushsegError.
+    """Turn what lazrs returns or panics with into a BushsegError of one line.
 
     A Rust panic arrives as a BaseException that pyo3 makes and doesn't export, so it is told by
     its name; KeyboardInterrupt and SystemExit pass.
     """
     try:
         yield
-    except lazrs.LazrsError as error:
-        raise convert(str(error)) from error
     except BaseException as error:
-        if type(error).__name__ != "PanicException":
+        if not isinstance(error, lazrs.LazrsError) and type(error).__name__ != "PanicException":
             raise
-        raise convert(str(error)) from error
+        raise convert(" ".join(str(error).split())) from error
 
 
 def _lazrs_as_read_errors(path: Path) -> AbstractContextManager[None]:

@@ -178,8 +178,11 @@ def test_a_panic_is_told_from_an_interrupt():
     class PanicException(BaseException):
         pass
 
-    with pytest.raises(ReadError), laz.lazrs_errors(lambda text: ReadError("a", text, "b")):
-        raise PanicException("index out of bounds")
+    with (
+        pytest.raises(ReadError, match="a: left: 1 right: 2; expected b"),
+        laz.lazrs_errors(lambda text: ReadError("a", text, "b")),
+    ):
+        raise PanicException("left: 1\n  right: 2")
     with pytest.raises(KeyboardInterrupt), laz.lazrs_errors(lambda text: ReadError("a", text, "")):
         raise KeyboardInterrupt
 

@@ -1,0 +1,108 @@
+"""`bushseg labels`, `bushseg models` and `bushseg config`: what there is."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import out, print_json
+from .options import ConfigFile, Json, ModelFile
+
+
+def labels(
+    scheme: Annotated[str | None, typer.Argument(help="Show this scheme's classes.")] = None,
+    as_toml: Annotated[
+        bool, typer.Option("--toml", help="Print it as TOML, to begin one of your own.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """List the class schemes, or one scheme's classes.
+
+    Examples:
+
+        bushseg labels
+
+        bushseg labels bush --toml > mine.toml
+    """
+    from bushseg.labels import SCHEMES, dump_scheme, load_scheme
+
+    if scheme is None:
+        if as_json:
+            print_json({name: known.model_dump(mode="json") for name, known in SCHEMES.items()})
+            return
+        for known in SCHEMES.values():
+            out.print(f"{known.name:14} {known.num_classes:3} classes: {', '.join(known.names)}")
+        return
+    chosen = load_scheme(scheme)
+    if as_json:
+        print_json(chosen.model_dump(mode="json"))
+    elif as_toml:
+        out.print(dump_scheme(chosen), markup=False)
+    else:
+        out.print(f"{'index':>5}  {'class':24} {'codes':16} {'LAS':>4}  color")
+        for index, info in enumerate(chosen.classes):
+            codes = ", ".join(map(str, info.codes))
+            out.print(f"{index:5}  {info.name:24} {codes:16} {info.asprs:4}  {info.color}")
+        out.print(f"   -1  (unlabelled)             {', '.join(map(str, chosen.unlabelled))}")
+
+
+def models(model: ModelFile = None, as_json: Json = False) -> None:
+    """Describe the model that `predict` would use, with its parameters by module.
+
+    Examples:
+
+        bushseg models
+
+        bushseg models --model runs/2026-05-01_120000
+    """
+    from bushseg.checkpoint import load_model
+    from bushseg.models.bushnet import count_parameters
+    from bushseg.predict import find_model
+
+    loaded = load_model(find_model(model))
+    counts = count_parameters(loaded.network)
+    if as_json:
+        card = loaded.card.model_dump(mode="json")
+        print_json({"path": loaded.path, "card": card, "parameters": counts})
+        return
+    card = loaded.card
+    low, high = card.neighbor_distance
+    out.print(f"{loaded.path}")
+    out.print(f"  classes      {', '.join(card.scheme.names)} (scheme {card.scheme.name})")
+    out.print(
+        f"  features     {', '.join(card.features)}"
+        f" (can do without: {', '.join(card.optional_features) or 'none'})"
+    )
+    out.print(f"  voxel size   {card.prepare.voxel_size} m")
+    out.print(f"  density      {card.prepare.num_neighbors} neighbors in {low:.2f} to {high:.2f} m")
+    out.print(
+        f"  network      attention {card.network.attention}, SPO {card.network.spo}, "
+        f"SPF {card.network.spf}, sampling {card.prepare.sampling}"
+    )
+    out.print("  parameters   " + ", ".join(f"{name} {n:,}" for name, n in counts.items()))
+
+
+def config(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the settings to this TOML file.")
+    ] = None,
+    file: ConfigFile = None,
+) -> None:
+    """Print every setting as it stands, as TOML for `bushseg.toml`.
+
+    Examples:
+
+        bushseg config
+
+        bushseg config -o bushseg.toml
+    """
+    from bushseg.config import Config
+    from bushseg.files import atomic_path, check_output
+
+    text = Config.load(file).to_toml()
+    if output is None:
+        out.print(text, markup=False)
+        return
+    check_output(output, overwrite=False)
+    with atomic_path(output) as partial:
+        partial.write_text(text, encoding="utf-8")

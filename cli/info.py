@@ -1,0 +1,45 @@
+"""`bushseg info`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import err, out, print_json, progress
+from .options import Json, Quiet
+
+
+def info(
+    scans: Annotated[list[Path], typer.Argument(help="Scans, or folders to search for them.")],
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Describe scans: format, points, bounds, CRS, density, attributes, classes and faults.
+
+    Every point is read. Exit status 1 if any scan can't be.
+
+    Examples:
+
+        bushseg info site.laz
+
+        bushseg info scans/ --json
+    """
+    from bushseg.inspect import describe
+    from bushseg.io import find_scans
+
+    reports = []
+    with progress(quiet=quiet or as_json) as shown:
+        for path in find_scans(scans):
+            report = describe(path, progress=shown)
+            reports.append(report)
+            if as_json:
+                continue
+            for line in report.lines():
+                out.print(line, markup=False)
+    if as_json:
+        print_json(reports)
+    failed = [report for report in reports if report.error is not None]
+    if failed:
+        if len(reports) > 1 and not as_json:
+            err.print(f"{len(failed)} of {len(reports)} scans can't be read", style="red")
+        raise typer.Exit(1)

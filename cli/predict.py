@@ -1,0 +1,90 @@
+"""`bushseg predict`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import out, print_json, progress, shorten, warn
+from .options import ConfigFile, Json, ModelFile, Quiet, changed
+
+
+def predict(
+    scan: Annotated[Path, typer.Argument(help="The scan to label; it is never touched.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The labelled scan; its suffix says the format.")
+    ],
+    model: ModelFile = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing output.")] = False,
+    keep_classification: Annotated[
+        bool | None,
+        typer.Option(
+            "--keep-classification", help="Leave LAS classification alone; only add dimensions."
+        ),
+    ] = None,
+    asprs: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CLASS=CODE", help="Write a class as this LAS code; repeatable."),
+    ] = None,
+    tile_points: Annotated[
+        int | None, typer.Option(help="Voxels in a tile's core.  [default: 400000]")
+    ] = None,
+    halo: Annotated[
+        int | None, typer.Option(help="Context around a tile, voxels.  [default: the model's]")
+    ] = None,
+    config: ConfigFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Label every point of a scan.
+
+    LAS and LAZ keep every field, VLR, EVLR and the CRS; classification is set to ASPRS codes, and
+    class_index, confidence and (if the model knows bush) bush_probability are added.
+
+    Examples:
+
+        bushseg predict site.las -o labeled.las
+
+        bushseg predict frame.bin -o frame.label --model runs/2026-05-01_120000
+
+        bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
+    """
+    from bushseg.config import Config
+    from bushseg.predict import predict_file
+
+    given = changed(
+        tile_points=tile_points,
+        halo=halo,
+        keep_classification=keep_classification,
+        asprs=_codes(asprs) if asprs else None,
+    )
+    settings = Config.load(config, {"predict": given}).predict
+    with progress(quiet=quiet or as_json) as shown:
+        result = predict_file(scan, output, model, settings, overwrite=overwrite, progress=shown)
+    if as_json:
+        print_json(result)
+        return
+    warn(result.warnings)
+    memory = (
+        "" if result.peak_memory is None else f", peak memory {result.peak_memory / 1e9:.2f} GB"
+    )
+    out.print(
+        f"{result.output}: {result.num_points:,} points in {result.seconds:.1f} s "
+        f"({shorten(result.points_per_second)} points/s{memory}), model {result.model}"
+    )
+    for name, count in result.class_counts.items():
+        if count:
+            out.print(f"  {name:24} {count:>12,} points  {count / result.num_points:6.1%}")
+    if result.num_unlabelled:
+        out.print(f"  {'(no label)':24} {result.num_unlabelled:>12,} points")
+
+
+def _codes(pairs: list[str]) -> dict[str, int]:
+    """CLASS=CODE options."""
+    codes = {}
+    for pair in pairs:
+        name, _, code = pair.partition("=")
+        if not code.isdigit():
+            raise typer.BadParameter(f"{pair!r}; expected CLASS=CODE, such as bush=4")
+        codes[name] = int(code)
+    return codes

@@ -1,0 +1,78 @@
+"""`bushseg prepare`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import out, print_json, progress, warn
+from .options import ConfigFile, Json, Quiet, changed
+
+
+def prepare(
+    paths: Annotated[list[Path], typer.Argument(help="Scans, or folders to search for them.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Data set's folder.")] = Path(
+        "prepared"
+    ),
+    scheme: Annotated[
+        str | None, typer.Option(help="Class scheme: a name (`bushseg labels`) or a TOML file.")
+    ] = None,
+    voxel_size: Annotated[
+        float | None, typer.Option(help="Edge of the sub-sampling grid, metres.  [default: 0.1]")
+    ] = None,
+    label_field: Annotated[
+        str | None, typer.Option(help="Attribute with the class codes.  [default: the format's]")
+    ] = None,
+    crops: Annotated[
+        int | None, typer.Option(help="Crops to draw.  [default: two passes over the data]")
+    ] = None,
+    crop_points: Annotated[
+        int | None, typer.Option(help="Voxels in a crop.  [default: 12288]")
+    ] = None,
+    sampling: Annotated[
+        str | None, typer.Option(help="mrs or random decimation.  [default: mrs]")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
+    config: ConfigFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Turn labelled scans into cached tensors for training.
+
+    Run again, it redoes only what a changed setting or file touches.
+
+    Examples:
+
+        bushseg prepare scans/
+
+        bushseg prepare a.laz b.laz --scheme asprs --voxel-size 0.25
+    """
+    from bushseg.config import Config
+    from bushseg.prepare import prepare as run
+
+    given = changed(
+        scheme=scheme,
+        voxel_size=voxel_size,
+        label_field=label_field,
+        num_crops=crops,
+        crop_points=crop_points,
+        sampling=sampling,
+        seed=seed,
+    )
+    settings = Config.load(config, {"prepare": given}).prepare
+    with progress(quiet=quiet or as_json) as shown:
+        result = run(paths, output, settings, progress=shown)
+    if as_json:
+        print_json(result)
+        return
+    warn(result.warnings)
+    kept = result.num_scans - result.num_redone
+    out.print(
+        f"{result.folder}: {result.num_scans} scans ({kept} kept from before), "
+        f"{result.num_points:,} points in {result.num_voxels:,} voxels, {result.num_tiles} tiles, "
+        f"{result.num_crops} crops; features {', '.join(result.features)}"
+    )
+    total = sum(result.class_counts.values())
+    for name, count in result.class_counts.items():
+        if count:
+            out.print(f"  {name:24} {count:>12,} voxels  {count / total:6.1%}")

@@ -1,0 +1,121 @@
+"""`bushseg train`."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .console import err, out, print_json, progress
+from .options import ConfigFile, Json, Quiet, changed
+
+
+def train(
+    data: Annotated[Path, typer.Argument(help="The prepared data set.")] = Path("prepared"),
+    run: Annotated[
+        Path | None, typer.Option("--run", "-o", help="The run's folder.  [default: runs/TIME]")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on with this run, exactly where it stopped.")
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="Epochs to train.  [default: 100]")] = None,
+    batch_size: Annotated[int | None, typer.Option(help="Crops in a step.  [default: 4]")] = None,
+    learning_rate: Annotated[
+        float | None, typer.Option(help="Adam's first learning rate.  [default: 0.01]")
+    ] = None,
+    validation: Annotated[
+        str | None,
+        typer.Option(help="Held out: auto, tile, none or scan:NAME[,NAME...].  [default: auto]"),
+    ] = None,
+    fresh_crops: Annotated[
+        bool | None, typer.Option("--fresh-crops", help="Draw new crops each epoch.")
+    ] = None,
+    attention: Annotated[
+        str | None, typer.Option(help="mam, randla, eca, se, nonlocal or axial.  [default: mam]")
+    ] = None,
+    spo: Annotated[bool | None, typer.Option(help="Use relative positions (Table 3).")] = None,
+    spf: Annotated[bool | None, typer.Option(help="Use simple point features (Table 3).")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
+    config: ConfigFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train BushNet on a prepared data set.
+
+    Ctrl-C saves and ends; `--resume` goes on as if nothing had happened.
+
+    Examples:
+
+        bushseg train
+
+        bushseg train prepared --epochs 30 --validation scan:north
+
+        bushseg train --resume runs/2026-05-01_120000
+    """
+    from bushseg.config import Config
+    from bushseg.train import SETTINGS
+    from bushseg.train import train as start
+
+    settings: dict[str, dict[str, Any]] = {
+        "train": changed(
+            epochs=epochs,
+            batch_size=batch_size,
+            learning_rate=learning_rate,
+            validation=validation,
+            fresh_crops=fresh_crops,
+            seed=seed,
+        ),
+        "network": changed(attention=attention, spo=spo, spf=spf),
+    }
+    # A resumed run keeps its own settings, unless a file is named.
+    source = config or (resume / SETTINGS if resume is not None else None)
+    resolved = Config.load(source, settings)
+    with stoppable() as stop, progress(quiet=quiet or as_json) as shown:
+        result = start(
+            data,
+            resume or run,
+            resolved,
+            resume=resume is not None,
+            stop=stop,
+            progress=shown,
+        )
+    if as_json:
+        print_json(result)
+        return
+    if result.interrupted:
+        out.print(
+            f"stopped in epoch {result.epochs + 1}; go on with "
+            f"`bushseg train {data} --resume {result.folder}`"
+        )
+        return
+    out.print(f"{result.folder}: best.safetensors, last.safetensors, metrics.csv, curves.png")
+    scored = [row for row in result.history if "val_miou" in row]
+    if scored:
+        best = max(scored, key=lambda row: row["val_miou"])
+        out.print(
+            f"best on the held-out split: mIoU {best['val_miou']:.1%}, OA {best['val_oa']:.1%} "
+            f"in epoch {best['epoch']:.0f}"
+        )
+    rate = result.num_points / max(result.seconds, 1e-9)
+    out.print(f"{result.num_points:,} points in {result.seconds:.0f} s: {rate:,.0f} points/s")
+
+
+@contextmanager
+def stoppable() -> Iterator[Callable[[], bool]]:
+    """Let the first Ctrl-C ask for an orderly end; the second ends at once."""
+    asked = False
+
+    def ask(_number: int, _frame: object) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+        err.print("stopping after this step; Ctrl-C again to stop without saving")
+
+    previous = signal.signal(signal.SIGINT, ask)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -25,6 +25,18 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    @classmethod
+    def from_dict(cls, values: dict[str, Any], source: str = "settings") -> Self:
+        """Check plain values.
+
+        Raises:
+            ConfigError: A name is unknown or a value is out of range.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            raise ConfigError(f"{source}: {_first(error)}") from error
+
 
 class PrepareConfig(Section):
     """How scans become cached tensors."""
@@ -142,18 +154,6 @@ class Config(Section):
     network: NetworkConfig = NetworkConfig()
     train: TrainConfig = TrainConfig()
     predict: PredictConfig = PredictConfig()
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any], source: str = "settings") -> Self:
-        """Check plain values.
-
-        Raises:
-            ConfigError: A name is unknown or a value is out of range.
-        """
-        try:
-            return cls.model_validate(values)
-        except ValidationError as error:
-            raise ConfigError(f"{source}: {_first(error)}") from error
 
     @classmethod
     def load(cls, path: str | Path | None = None, overrides: dict[str, Any] | None = None) -> Self:

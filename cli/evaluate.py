@@ -41,7 +41,7 @@ def evaluate(
 
         bushseg evaluate frame.label frame.bin --scheme rellis
     """
-    from bushseg.evaluate import evaluate as run
+    from bushseg.evaluation import evaluate as run
     from bushseg.labels import load_scheme
 
     with progress(quiet=quiet or as_json) as shown:

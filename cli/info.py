@@ -24,7 +24,7 @@ def info(
 
         bushseg info scans/ --json
     """
-    from bushseg.inspect import describe
+    from bushseg.info import describe
     from bushseg.io import find_scans
 
     reports = []

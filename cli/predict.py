@@ -50,7 +50,7 @@ def predict(
         bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
     """
     from bushseg.config import Config
-    from bushseg.predict import predict_file
+    from bushseg.prediction import predict_file
 
     given = changed(
         tile_points=tile_points,

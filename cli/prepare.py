@@ -48,7 +48,7 @@ def prepare(
         bushseg prepare a.laz b.laz --scheme asprs --voxel-size 0.25
     """
     from bushseg.config import Config
-    from bushseg.prepare import prepare as run
+    from bushseg.preparation import prepare as run
 
     given = changed(
         scheme=scheme,

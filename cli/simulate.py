@@ -32,8 +32,8 @@ def simulate(
 
         bushseg simulate -o scans --sites 6 --seed 7 --sensor airborne
     """
-    from bushseg.simulate import SimulateConfig
-    from bushseg.simulate import simulate as run
+    from bushseg.simulation import SimulateConfig
+    from bushseg.simulation import simulate as run
 
     given = changed(num_sites=sites, size=size, sensor=sensor, color=color, seed=seed)
     with progress(quiet=quiet or as_json) as shown:

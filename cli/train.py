@@ -55,8 +55,8 @@ def train(
         bushseg train --resume runs/2026-05-01_120000
     """
     from bushseg.config import Config
-    from bushseg.train import SETTINGS
-    from bushseg.train import train as start
+    from bushseg.training import SETTINGS
+    from bushseg.training import train as start
 
     settings: dict[str, dict[str, Any]] = {
         "train": changed(

@@ -1,7 +1,8 @@
 """LAS, LAZ and COPC in, chunk by chunk.
 
 The container is parsed by :mod:`bushseg.io.las_header`, the points' fields by
-:mod:`bushseg.io.las_points`, compressed points by :mod:`bushseg.io.laz`. A COPC file is a LAZ file
+:mod:`bushseg.io.las_points`, compressed points by :mod:`bushseg.io.laz_body` and
+:mod:`bushseg.io.laz`. A COPC file is a LAZ file
 with an index; it is read as LAZ, in the file's order.
 """
 
@@ -16,7 +17,8 @@ from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
 from bushseg.io.las_crs import read_crs
 from bushseg.io.las_header import RECORD_SIZES, LasHeader, read_header
 from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, parse_layout, scale_coordinates
-from bushseg.io.laz import LazBody, decompress, inspect_laz
+from bushseg.io.laz import decompress
+from bushseg.io.laz_body import LazBody, inspect_laz
 from bushseg.io.sniff import check_file
 from bushseg.points import PointCloud
 

@@ -27,7 +27,8 @@ from bushseg.io.las_header import (
     WAVEFORM_START,
 )
 from bushseg.io.las_points import PointLayout, Records
-from bushseg.io.laz import LASZIP_RECORD, garbles_waveforms, lazrs_errors
+from bushseg.io.laz import garbles_waveforms
+from bushseg.io.laz_body import LASZIP_RECORD, lazrs_errors
 
 _MINOR_AT = 25
 _PLACES_AT = struct.Struct("<II"), 96  # point offset, number of VLRs

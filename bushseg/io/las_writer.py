@@ -12,7 +12,7 @@ from bushseg.io.base import ScanWriter
 from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, Records
 from bushseg.io.las_reader import LasReader
 from bushseg.io.las_sink import Evlr, LasSink, pack_vlr
-from bushseg.io.laz import LASZIP_RECORD
+from bushseg.io.laz_body import LASZIP_RECORD
 from bushseg.points import AttributeArray, PointCloud
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from bushseg.errors import ReadError
 from bushseg.io import laz
 from bushseg.io.las import open_las
+from bushseg.io.laz_body import lazrs_errors
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning:laspy")
 
@@ -180,10 +181,10 @@ def test_a_panic_is_told_from_an_interrupt():
 
     with (
         pytest.raises(ReadError, match="a: left: 1 right: 2; expected b"),
-        laz.lazrs_errors(lambda text: ReadError("a", text, "b")),
+        lazrs_errors(lambda text: ReadError("a", text, "b")),
     ):
         raise PanicException("left: 1\n  right: 2")
-    with pytest.raises(KeyboardInterrupt), laz.lazrs_errors(lambda text: ReadError("a", text, "")):
+    with pytest.raises(KeyboardInterrupt), lazrs_errors(lambda text: ReadError("a", text, "")):
         raise KeyboardInterrupt
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bushseg.points import FloatArray
-from bushseg.simulate.materials import (
+from bushseg.simulation.materials import (
     CLOTH,
     GLASS,
     METAL,
@@ -15,7 +15,7 @@ from bushseg.simulate.materials import (
     TILES,
     WOOD,
 )
-from bushseg.simulate.mesh import (
+from bushseg.simulation.mesh import (
     Mesh,
     Model,
     Surface,
@@ -27,7 +27,7 @@ from bushseg.simulate.mesh import (
     tube,
     tubes,
 )
-from bushseg.simulate.terrain import Terrain
+from bushseg.simulation.terrain import Terrain
 
 FOOTING = 1.5
 """How far buildings reach below their origin, metres, so that they stand on a slope."""

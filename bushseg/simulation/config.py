@@ -8,7 +8,7 @@ from bushseg.config import Positive, Section, Share
 
 
 class SimulateConfig(Section):
-    """Settings of :func:`bushseg.simulate.simulate`; defaults give about 500 k points."""
+    """Settings of :func:`bushseg.simulation.simulate`; defaults give about 500 k points."""
 
     num_sites: int = Field(1, ge=1, le=1000, description="Sites to make, each another")
     seed: int = Field(0, ge=0, description="Seed; the same seed gives the same points")

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.points import FloatArray
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.materials import GRAVEL, LAWN, SOIL
-from bushseg.simulate.mesh import Mesh, Model, Surface
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.materials import GRAVEL, LAWN, SOIL
+from bushseg.simulation.mesh import Mesh, Model, Surface
 
 CELL = 0.4
 DRIVE_WIDTH = 3.0

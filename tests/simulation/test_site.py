@@ -1,6 +1,6 @@
 import numpy as np
 
-from bushseg.simulate.site import MARGIN, Layout
+from bushseg.simulation.site import MARGIN, Layout
 
 
 def test_the_first_free_place_is_taken():

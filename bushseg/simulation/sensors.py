@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bushseg.points import FloatArray
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.site import Site
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.site import Site
 
 BATCH_RAYS = 500_000
 PULSE_RATE = 500_000.0

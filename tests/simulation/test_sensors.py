@@ -3,11 +3,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bushseg.simulate import SimulateConfig, sensors
-from bushseg.simulate.scene import Scene
-from bushseg.simulate.sensors import SENSORS
-from bushseg.simulate.site import Site
-from bushseg.simulate.terrain import Terrain
+from bushseg.simulation import SimulateConfig, sensors
+from bushseg.simulation.scene import Scene
+from bushseg.simulation.sensors import SENSORS
+from bushseg.simulation.site import Site
+from bushseg.simulation.terrain import Terrain
 
 SITE = Site(
     Scene(), Terrain(np.zeros((51, 51)), cell=0.4), np.array([(5.0, 5.0, 0.0), (15.0, 9.0, 0.0)])

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from bushseg.simulate import SimulateConfig
-from bushseg.simulate.foliage import SPRIGS, foliage, leaf_area, meadow
-from bushseg.simulate.materials import BARK
-from bushseg.simulate.plants import HABITS, bush, tree
-from bushseg.simulate.terrain import Terrain
+from bushseg.simulation import SimulateConfig
+from bushseg.simulation.foliage import SPRIGS, foliage, leaf_area, meadow
+from bushseg.simulation.materials import BARK
+from bushseg.simulation.plants import HABITS, bush, tree
+from bushseg.simulation.terrain import Terrain
 
 
 def vertices(model):

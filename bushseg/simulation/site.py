@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bushseg.points import FloatArray
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.foliage import GOLDEN_ANGLE, meadow
-from bushseg.simulate.mesh import Model, placed
-from bushseg.simulate.plants import Form, Habit, bush, tree
-from bushseg.simulate.scene import Scene
-from bushseg.simulate.structures import car, fence, house, lamp_post, person, wall
-from bushseg.simulate.terrain import Terrain, cover, make_terrain
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.foliage import GOLDEN_ANGLE, meadow
+from bushseg.simulation.mesh import Model, placed
+from bushseg.simulation.plants import Form, Habit, bush, tree
+from bushseg.simulation.scene import Scene
+from bushseg.simulation.structures import car, fence, house, lamp_post, person, wall
+from bushseg.simulation.terrain import Terrain, cover, make_terrain
 
 EDGE = 0.8
 """Where the boundary runs, metres from the site's edge."""

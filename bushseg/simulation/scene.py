@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bushseg.geometry import open3d
-from bushseg.simulate.materials import Material
-from bushseg.simulate.mesh import Mesh, Model
+from bushseg.simulation.materials import Material
+from bushseg.simulation.mesh import Mesh, Model
 
 CLASS_CODES = {
     "ground": 2,

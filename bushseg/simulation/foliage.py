@@ -4,10 +4,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bushseg.points import FloatArray
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.materials import GRASS
-from bushseg.simulate.mesh import Mesh, Model, Surface, instances
-from bushseg.simulate.terrain import Terrain, on_drive, waves
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.materials import GRASS
+from bushseg.simulation.mesh import Mesh, Model, Surface, instances
+from bushseg.simulation.terrain import Terrain, on_drive, waves
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 

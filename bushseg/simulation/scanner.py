@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from bushseg.geometry import open3d
 from bushseg.points import FloatArray
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.scene import Scene
-from bushseg.simulate.sensors import PULSE_RATE, Rays
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.scene import Scene
+from bushseg.simulation.sensors import PULSE_RATE, Rays
 
 SUN = np.array([0.42, -0.48, 0.77])
 """Where daylight comes from, a unit vector."""

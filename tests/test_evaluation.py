@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from bushseg.errors import DataError, ReadError
-from bushseg.evaluate import Evaluation, evaluate, evaluate_arrays
+from bushseg.evaluation import Evaluation, evaluate, evaluate_arrays
 from bushseg.labels import SCHEMES, ClassInfo, ClassScheme
 from bushseg.progress import Silent
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from bushseg.points import FloatArray
 from bushseg.progress import SILENT, Progress
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.output import write_kitti, write_laz
-from bushseg.simulate.scanner import Returns, scan
-from bushseg.simulate.sensors import SENSORS, spinning_origin
-from bushseg.simulate.site import make_site
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.output import write_kitti, write_laz
+from bushseg.simulation.scanner import Returns, scan
+from bushseg.simulation.sensors import SENSORS, spinning_origin
+from bushseg.simulation.site import make_site
 
 FIRST_ORIGIN = np.array([500_000.0, 5_400_000.0, 250.0])
 

@@ -5,9 +5,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from bushseg.points import FloatArray
-from bushseg.simulate.foliage import foliage, leaf_area
-from bushseg.simulate.materials import BARK, BROADLEAF, NEEDLES, SHRUB_LEAF
-from bushseg.simulate.mesh import Mesh, Model, Surface, join, tube, tubes
+from bushseg.simulation.foliage import foliage, leaf_area
+from bushseg.simulation.materials import BARK, BROADLEAF, NEEDLES, SHRUB_LEAF
+from bushseg.simulation.mesh import Mesh, Model, Surface, join, tube, tubes
 
 Habit = Literal["mound", "columnar", "multi-stemmed", "hedge"]
 Form = Literal["broadleaf", "conifer"]

@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from bushseg.simulate import SimulateConfig
+from bushseg.simulation import SimulateConfig
 
 
 @pytest.mark.parametrize(

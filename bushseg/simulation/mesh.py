@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bushseg.points import FloatArray
-from bushseg.simulate.materials import Material
+from bushseg.simulation.materials import Material
 
 
 @dataclass(frozen=True, slots=True)

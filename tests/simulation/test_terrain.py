@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from bushseg.geometry import open3d
-from bushseg.simulate import SimulateConfig
-from bushseg.simulate.scene import Scene
-from bushseg.simulate.terrain import Terrain, cover, make_terrain, on_drive, waves
+from bushseg.simulation import SimulateConfig
+from bushseg.simulation.scene import Scene
+from bushseg.simulation.terrain import Terrain, cover, make_terrain, on_drive, waves
 
 
 def test_height_on_a_hand_made_cell():

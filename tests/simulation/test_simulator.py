@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 
 from bushseg.errors import DataError
-from bushseg.simulate import SimulateConfig, simulate
-from bushseg.simulate.scanner import scan
-from bushseg.simulate.scene import CLASS_CODES
-from bushseg.simulate.sensors import SENSORS, SPINNING_BEAMS, SPINNING_COLUMNS
-from bushseg.simulate.site import make_site
+from bushseg.simulation import SimulateConfig, simulate
+from bushseg.simulation.scanner import scan
+from bushseg.simulation.scene import CLASS_CODES
+from bushseg.simulation.sensors import SENSORS, SPINNING_BEAMS, SPINNING_COLUMNS
+from bushseg.simulation.site import make_site
 
 SMALL = SimulateConfig(
     size=24, angular_step=1.0, stations=2, num_bushes=12, num_trees=3, grass_density=40

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from bushseg.simulate import SimulateConfig
-from bushseg.simulate.materials import Material
-from bushseg.simulate.mesh import Surface, polyhedron
-from bushseg.simulate.scanner import scan
-from bushseg.simulate.scene import CLASS_CODES, Scene
-from bushseg.simulate.sensors import PULSE_RATE, Rays
+from bushseg.simulation import SimulateConfig
+from bushseg.simulation.materials import Material
+from bushseg.simulation.mesh import Surface, polyhedron
+from bushseg.simulation.scanner import scan
+from bushseg.simulation.scene import CLASS_CODES, Scene
+from bushseg.simulation.sensors import PULSE_RATE, Rays
 
 EXACT = {"range_noise": 0, "intensity_noise": 0, "color_noise": 0, "dropout": 0}
 

@@ -5,7 +5,7 @@ The flow is a straight line: a scene of triangle meshes (`site`, from `terrain`,
 written as a scan (`output`).
 """
 
-from bushseg.simulate.config import SimulateConfig
-from bushseg.simulate.simulator import simulate
+from bushseg.simulation.config import SimulateConfig
+from bushseg.simulation.simulator import simulate
 
 __all__ = ["SimulateConfig", "simulate"]

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bushseg.simulate.materials import STONE
-from bushseg.simulate.mesh import (
+from bushseg.simulation.materials import STONE
+from bushseg.simulation.mesh import (
     Surface,
     box,
     ellipsoid,

@@ -11,7 +11,7 @@ from laspy.vlrs.known import WktCoordinateSystemVlr
 from bushseg.errors import DataError
 from bushseg.files import atomic_path
 from bushseg.points import FloatArray
-from bushseg.simulate.scanner import FULL_SCALE, Returns
+from bushseg.simulation.scanner import FULL_SCALE, Returns
 
 SCALE = 0.001
 FIRST_TIME = 441_763_200.0

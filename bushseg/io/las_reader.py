@@ -2,8 +2,8 @@
 
 The container is parsed by :mod:`bushseg.io.las_header`, the points' fields by
 :mod:`bushseg.io.las_points`, compressed points by :mod:`bushseg.io.laz_body` and
-:mod:`bushseg.io.laz`. A COPC file is a LAZ file
-with an index; it is read as LAZ, in the file's order.
+:mod:`bushseg.io.laz`. A COPC file is a LAZ file with an index; it is read as LAZ, in the file's
+order.
 """
 
 from collections.abc import Iterator

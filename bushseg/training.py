@@ -8,37 +8,35 @@ runs/NAME/
   config.toml           every setting as it was resolved
 """
 
-import csv
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from bushseg.augment import DROPPABLE, augment
+from bushseg.augment import DROPPABLE
+from bushseg.batches import EpochBatches
 from bushseg.checkpoint import ModelCard, build_network, load_checkpoint, save_model
 from bushseg.config import Config
-from bushseg.dataset import Dataset, Sample
+from bushseg.dataset import Dataset
 from bushseg.errors import CheckpointError
 from bushseg.files import atomic_path
-from bushseg.inference import feature_matrix, tile_logits
-from bushseg.metrics import ConfusionMatrix
+from bushseg.history import summarize, write_history
+from bushseg.loss import loss_weights, weighted_cross_entropy
 from bushseg.models.batch import Batch
-from bushseg.models.bushnet import BushNet
 from bushseg.plots import plot_curves
 from bushseg.progress import SILENT, Progress
 from bushseg.training_state import (
     TrainingState,
-    generator,
     optimizer_tensors,
     restore_optimizer,
     torch_seed,
 )
+from bushseg.validation import validate
 
 BEST, LAST, METRICS, CURVES, SETTINGS = (
     "best.safetensors",
@@ -121,8 +119,6 @@ class Trainer:
         counts = dataset.class_counts(self.train_tiles)
         self.weights = loss_weights(counts, config.train.class_weights).to(self.device)
         self.optimizer = torch.optim.Adam(self.network.parameters(), config.train.learning_rate)
-        wanted = set(self.train_tiles)
-        self.crops = [n for n, tile in enumerate(dataset.crop_tiles) if tile in wanted]
 
     def restore(self) -> None:
         """Load the last checkpoint of this run.
@@ -171,14 +167,16 @@ class Trainer:
             group["lr"] = settings.learning_rate * settings.decay**state.epoch
         self.network.train()
         confusion = state.confusion(self.dataset.scheme.num_classes)
-        steps = self._steps()
+        batches = EpochBatches(
+            self.dataset, self.train_tiles, self.card.features, settings, state.epoch
+        )
         self.progress.start(
             f"epoch {state.epoch + 1}/{settings.epochs}",
-            sum(map(len, steps)) * self.dataset.config.crop_points,
+            batches.num_crops * self.dataset.config.crop_points,
             "points",
         )
         num_points = 0
-        for batch, labels in self._batches(steps[state.step :]):
+        for batch, labels in batches.start(state.step):
             if stop():
                 return num_points, True
             loss, logits = self._step(batch, labels)
@@ -194,69 +192,13 @@ class Trainer:
         """One forward, backward and update."""
         with torch.random.fork_rng():
             torch.manual_seed(torch_seed(self.config.train.seed, self.state.epoch, self.state.step))
-            logits = self.network(batch)
-        # A crop without a single label teaches nothing, and must not divide by zero.
-        total = nn.functional.cross_entropy(
-            logits, labels, self.weights, ignore_index=-1, reduction="sum"
-        )
-        known = labels[labels >= 0]
-        loss = total / self.weights[known].sum().clamp_min(1e-12)
+            logits = self.network(batch.to(self.device))
+        labels = labels.to(self.device)
+        loss = weighted_cross_entropy(logits, labels, self.weights)
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimizer.step()
         return float(loss.detach()), logits.detach()
-
-    def _steps(self) -> list[list[int]]:
-        """This epoch's crops, a list for each step."""
-        settings = self.config.train
-        if settings.fresh_crops:
-            order = list(range(self.dataset.num_fresh(self.train_tiles)))
-        else:
-            rng = generator(settings.seed, self.state.epoch)
-            order = [self.crops[index] for index in rng.permutation(len(self.crops))]
-        size = settings.batch_size
-        steps = [order[start : start + size] for start in range(0, len(order), size)]
-        return steps[: settings.steps_per_epoch]
-
-    def _batches(self, steps: Sequence[Sequence[int]]) -> Iterator[tuple[Batch, Tensor]]:
-        """Load and augment; the next batch is made while the network works on this one."""
-        samples = self._fresh() if self.config.train.fresh_crops else None
-        first = self.state.step
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            pending = None
-            for number, step in enumerate(steps, start=first):
-                following = pool.submit(self._batch, step, number, samples)
-                if pending is not None:
-                    yield pending.result()
-                pending = following
-            if pending is not None:
-                yield pending.result()
-
-    def _batch(
-        self, step: Sequence[int], number: int, fresh: Iterator[Sample] | None
-    ) -> tuple[Batch, Tensor]:
-        settings, spacing = self.config.train, self.dataset.config.voxel_size
-        rng = generator(settings.seed, self.state.epoch, number)
-        batches, labels = [], []
-        for crop in step:
-            sample = self.dataset.cached_sample(crop) if fresh is None else next(fresh)
-            sample = augment(sample, settings.augment, spacing, rng)
-            features = feature_matrix(sample.features, self.card.features, len(sample.xyz))
-            batches.append(
-                Batch.from_numpy(features, sample.xyz, sample.normals, sample.pyramid, spacing)
-            )
-            labels.append(torch.from_numpy(sample.labels))
-        return Batch.concatenated(batches).to(self.device), torch.cat(labels).to(self.device)
-
-    def _fresh(self) -> Iterator[Sample]:
-        """Crops drawn anew for this epoch; after a resume, those already seen are passed over."""
-        sampler = self.dataset.sampler(
-            self.train_tiles, generator(self.config.train.seed, self.state.epoch)
-        )
-        skipped = self.state.step * self.config.train.batch_size
-        for number, crop in enumerate(sampler.draws(self.dataset.num_fresh(self.train_tiles))):
-            if number >= skipped:
-                yield self.dataset.fresh_sample(self.train_tiles[crop.tile], crop.indices)
 
     def _finish_epoch(self, points_per_second: float) -> None:
         """Validate, note the epoch's metrics, save."""
@@ -287,7 +229,7 @@ class Trainer:
         write_history(self.folder / METRICS, state.history)
         with atomic_path(self.folder / CURVES) as partial:
             plot_curves(state.history, partial)
-        self.progress.note(_summary(state.history[-1], self.config.train.epochs))
+        self.progress.note(summarize(state.history[-1], self.config.train.epochs))
 
     def _save(self, name: str) -> None:
         save_model(
@@ -297,64 +239,6 @@ class Trainer:
             extra=optimizer_tensors(self.network, self.optimizer),
             state=self.state.as_dict(),
         )
-
-
-def loss_weights(class_counts: np.ndarray[tuple[int], np.dtype[np.int64]], how: str) -> Tensor:
-    """Weight of each class in the loss, of mean 1 over the classes that occur.
-
-    Args:
-        class_counts: Labelled points per class, shape (C,).
-        how: "sqrt" (1 / sqrt(f) of the class's share f), "inverse" (1 / f) or "none".
-
-    Returns:
-        Shape (C,), float32; 0 for a class that doesn't occur.
-    """
-    present = class_counts > 0
-    shares = class_counts[present] / max(class_counts.sum(), 1)
-    power = {"sqrt": -0.5, "inverse": -1.0, "none": 0.0}[how]
-    weights = np.zeros(len(class_counts), dtype=np.float32)
-    if present.any():
-        weights[present] = shares**power / (shares**power).mean()
-    return torch.from_numpy(weights)
-
-
-def validate(
-    network: BushNet,
-    dataset: Dataset,
-    tiles: Sequence[int],
-    card: ModelCard,
-    progress: Progress = SILENT,
-) -> ConfusionMatrix:
-    """Label whole tiles as `predict` would, each voxel once, and compare.
-
-    Args:
-        network: The network; left in evaluation mode.
-        dataset: The data set.
-        tiles: Indices of the held-out tiles.
-        card: The model's card.
-        progress: Told of the voxels labelled.
-
-    Returns:
-        Confusion of the tiles' labelled core voxels.
-    """
-    network.eval()
-    confusion = ConfusionMatrix(dataset.scheme.num_classes)
-    total = sum(dataset.tiles[number].core_size for number in tiles)
-    progress.start("validating", total, "points")
-    for number in tiles:
-        tile = dataset.tile(number)
-        logits = tile_logits(network, tile, card.features, dataset.config.voxel_size)
-        confusion.update(logits.argmax(axis=1), tile.labels[tile.is_core])
-        progress.advance(len(logits))
-    return confusion
-
-
-def write_history(path: Path, history: Sequence[dict[str, float]]) -> None:
-    """One row an epoch, as CSV."""
-    with atomic_path(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(history[0]))
-        writer.writeheader()
-        writer.writerows(history)
 
 
 def _card(dataset: Dataset, tiles: Sequence[int], config: Config) -> ModelCard:
@@ -372,16 +256,3 @@ def _card(dataset: Dataset, tiles: Sequence[int], config: Config) -> ModelCard:
 
 def _run_folder(run: str | Path | None) -> Path:
     return Path(run) if run is not None else Path("runs") / f"{datetime.now():%Y-%m-%d_%H%M%S}"
-
-
-def _summary(row: dict[str, float], epochs: int) -> str:
-    """An epoch's metrics in one line."""
-    parts = [f"epoch {row['epoch']:.0f}/{epochs}  loss {row['loss']:.3f}"]
-    if "val_miou" in row:
-        parts.append(f"held out: mIoU {row['val_miou']:.1%}, OA {row['val_oa']:.1%}")
-        ious = {k.removeprefix("val_iou/"): v for k, v in row.items() if k.startswith("val_iou/")}
-        parts.append(", ".join(f"{k} {v:.0%}" for k, v in ious.items() if not np.isnan(v)))
-    else:
-        parts.append(f"training crops: mIoU {row['train_miou']:.1%}, OA {row['train_oa']:.1%}")
-    parts.append(f"{row['points_per_second']:,.0f} points/s")
-    return "  ".join(parts)

@@ -62,8 +62,8 @@ def models(model: ModelFile = None, as_json: Json = False) -> None:
     loaded = load_model(find_model(model))
     counts = count_parameters(loaded.network)
     if as_json:
-        card = loaded.card.model_dump(mode="json")
-        print_json({"path": loaded.path, "card": card, "parameters": counts})
+        described = loaded.card.model_dump(mode="json")
+        print_json({"path": loaded.path, "card": described, "parameters": counts})
         return
     card = loaded.card
     low, high = card.neighbor_distance

@@ -1,0 +1,108 @@
+"""What training feeds the network, step by step.
+
+Everything random is drawn from a generator named by (seed, epoch, step), so that an epoch taken up
+in the middle gives the batches it would have given.
+"""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import torch
+from torch import Tensor
+
+from bushseg.augment import augment
+from bushseg.config import TrainConfig
+from bushseg.dataset import Dataset, Sample
+from bushseg.inference import feature_matrix
+from bushseg.models.batch import Batch
+from bushseg.training_state import generator
+
+
+class EpochBatches:
+    """The batches of one epoch.
+
+    Args:
+        dataset: The data set.
+        tiles: Indices of the training tiles.
+        features: The network's features, in order.
+        config: Training settings.
+        epoch: Which epoch, from 0.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        tiles: Sequence[int],
+        features: Sequence[str],
+        config: TrainConfig,
+        epoch: int,
+    ) -> None:
+        self._dataset = dataset
+        self._tiles = tiles
+        self._features = features
+        self._config = config
+        self._epoch = epoch
+        crops = self._crops()
+        size = config.batch_size
+        steps = [crops[start : start + size] for start in range(0, len(crops), size)]
+        self._steps = steps[: config.steps_per_epoch]
+
+    @property
+    def num_crops(self) -> int:
+        """Crops in the whole epoch."""
+        return sum(map(len, self._steps))
+
+    def __len__(self) -> int:
+        return len(self._steps)
+
+    def start(self, first: int = 0) -> Iterator[tuple[Batch, Tensor]]:
+        """Load and augment batches; the next is made while the network works on this one.
+
+        Args:
+            first: Step to begin with.
+
+        Yields:
+            A batch, and its labels (N,) int64.
+        """
+        fresh = self._fresh(first) if self._config.fresh_crops else None
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            pending = None
+            for step in range(first, len(self._steps)):
+                following = pool.submit(self._batch, step, fresh)
+                if pending is not None:
+                    yield pending.result()
+                pending = following
+            if pending is not None:
+                yield pending.result()
+
+    def _crops(self) -> list[int]:
+        """Numbers of this epoch's crops, in the order they are shown."""
+        if self._config.fresh_crops:
+            return list(range(self._dataset.num_fresh(self._tiles)))
+        wanted = set(self._tiles)
+        crops = [n for n, tile in enumerate(self._dataset.crop_tiles) if tile in wanted]
+        order = generator(self._config.seed, self._epoch).permutation(len(crops))
+        return [crops[index] for index in order]
+
+    def _fresh(self, first: int) -> Iterator[Sample]:
+        """Crops drawn anew for this epoch; those of steps already done are passed over."""
+        rng = generator(self._config.seed, self._epoch)
+        sampler = self._dataset.sampler(self._tiles, rng)
+        skipped = first * self._config.batch_size
+        for number, crop in enumerate(sampler.draws(self.num_crops)):
+            if number >= skipped:
+                yield self._dataset.fresh_sample(self._tiles[crop.tile], crop.indices)
+
+    def _batch(self, step: int, fresh: Iterator[Sample] | None) -> tuple[Batch, Tensor]:
+        spacing = self._dataset.config.voxel_size
+        rng = generator(self._config.seed, self._epoch, step)
+        batches, labels = [], []
+        for crop in self._steps[step]:
+            sample = self._dataset.cached_sample(crop) if fresh is None else next(fresh)
+            sample = augment(sample, self._config.augment, spacing, rng)
+            features = feature_matrix(sample.features, self._features, len(sample.xyz))
+            batches.append(
+                Batch.from_numpy(features, sample.xyz, sample.normals, sample.pyramid, spacing)
+            )
+            labels.append(torch.from_numpy(sample.labels))
+        return Batch.concatenated(batches), torch.cat(labels)

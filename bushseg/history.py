@@ -1,0 +1,29 @@
+"""The metrics of a run's epochs, as a table and as lines."""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from bushseg.files import atomic_path
+
+
+def write_history(path: Path, history: Sequence[dict[str, float]]) -> None:
+    """One row an epoch, as CSV."""
+    with atomic_path(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(history[0]))
+        writer.writeheader()
+        writer.writerows(history)
+
+
+def summarize(row: dict[str, float], epochs: int) -> str:
+    """An epoch's metrics in one line."""
+    parts = [f"epoch {row['epoch']:.0f}/{epochs}  loss {row['loss']:.3f}"]
+    if "val_miou" in row:
+        parts.append(f"held out: mIoU {row['val_miou']:.1%}, OA {row['val_oa']:.1%}")
+        ious = {k.removeprefix("val_iou/"): v for k, v in row.items() if k.startswith("val_iou/")}
+        parts.append(", ".join(f"{k} {v:.0%}" for k, v in ious.items() if not math.isnan(v)))
+    else:
+        parts.append(f"training crops: mIoU {row['train_miou']:.1%}, OA {row['train_oa']:.1%}")
+    parts.append(f"{row['points_per_second']:,.0f} points/s")
+    return "  ".join(parts)

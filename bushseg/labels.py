@@ -23,6 +23,7 @@ A user's scheme is a TOML file:
 """
 
 import tomllib
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ __all__ = [
     "ClassInfo",
     "ClassScheme",
     "Encoded",
+    "describe_legacy_loss",
     "dump_scheme",
     "fit_legacy",
     "load_scheme",
@@ -136,6 +138,31 @@ def fit_legacy(codes: NDArray[np.uint8]) -> NDArray[np.uint8]:
         Codes of 0 .. 31, shape (N,), uint8.
     """
     return np.where(codes > _LEGACY_MAX_CODE, np.uint8(ASPRS_UNCLASSIFIED), codes)
+
+
+def describe_legacy_loss(
+    scheme: ClassScheme, counts: NDArray[np.int64], mapping: Mapping[str, int] | None = None
+) -> str | None:
+    """Say which classes :func:`fit_legacy` turns into unclassified points.
+
+    Args:
+        scheme: The classes.
+        counts: Points of each class, shape (C,), int64.
+        mapping: As :meth:`bushseg.scheme.ClassScheme.to_asprs` takes it.
+
+    Returns:
+        One line, or None where no point loses its code.
+    """
+    codes = scheme.to_asprs(np.arange(scheme.num_classes), mapping)
+    lost = np.flatnonzero((fit_legacy(codes) != codes) & (counts > 0))
+    if not len(lost):
+        return None
+    named = ", ".join(f"{scheme.names[label]} ({codes[label]})" for label in lost)
+    return (
+        f"LAS point formats 0 to 5 have no class codes above {_LEGACY_MAX_CODE}: {named} stand as "
+        f"{ASPRS_UNCLASSIFIED}, unclassified; class_index tells them apart, and --asprs CLASS=CODE "
+        "gives them codes that fit"
+    )
 
 
 def _describe(error: ValidationError, table: dict[str, Any]) -> str:

@@ -22,6 +22,7 @@ from bushseg.files import atomic_path, check_output
 from bushseg.io.base import ScanReader
 from bushseg.io.memory import MemoryReader
 from bushseg.labeler import check_features, domain_warnings, label_tiles
+from bushseg.labels import describe_legacy_loss, fit_legacy
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.scan import mask_no_returns, read_voxels
@@ -48,7 +49,8 @@ class PredictResult:
         stages: Seconds by stage.
         points_per_second: Points over seconds.
         peak_memory: Largest resident size of this process so far, bytes; None where unknown.
-        warnings: Where the scan lies outside what the model was trained on.
+        warnings: Where the scan lies outside what the model was trained on, and classes that the
+            output's own label field can't tell apart.
     """
 
     input: Path
@@ -136,7 +138,7 @@ def predict_file(
             distances.append((tile.neighbor_distance, len(tile.indices)))
         stages.end("neighbors, normals and network")
         with atomic_path(output) as partial:
-            counts = _write(reader, partial, output, stitcher, model, config, progress)
+            counts, lost = _write(reader, partial, output, stitcher, model, config, progress)
         stages.end("look up and write")
     seconds = time.perf_counter() - begun
     num_points = int(counts.sum())
@@ -154,7 +156,7 @@ def predict_file(
         stages=stages.seconds,
         points_per_second=num_points / seconds,
         peak_memory=peak_memory(),
-        warnings=tuple(domain_warnings(model, voxel_scan, distance)),
+        warnings=(*domain_warnings(model, voxel_scan, distance), *filter(None, [lost])),
     )
 
 
@@ -214,13 +216,21 @@ def _write(
     model: Model,
     config: PredictConfig,
     progress: Progress,
-) -> NDArray[np.int64]:
-    """Stream the scan again into the output; counts points: unlabelled first, then per class."""
+) -> tuple[NDArray[np.int64], str | None]:
+    """Stream the scan again into the output.
+
+    Returns:
+        Points written, unlabelled first, then per class; and a warning of classes whose codes the
+        output can't hold.
+    """
     scheme = model.card.scheme
     suffix = io.suffix_of(output)
     as_las = suffix in LAS_SUFFIXES
     counts = np.zeros(scheme.num_classes + 1, dtype=np.int64)
-    added = {"class_index": np.dtype(np.uint8), "confidence": np.dtype(np.float32)}
+    added: dict[str, np.dtype[Any]] = {
+        "class_index": np.dtype(np.uint8),
+        "confidence": np.dtype(np.float32),
+    }
     if scheme.bush_index is not None:
         added["bush_probability"] = np.dtype(np.float32)
     progress.start(f"writing {output.name}", reader.info.num_points, "points")
@@ -232,6 +242,7 @@ def _write(
             codes = scheme.decode(predicted.labels)
         elif not config.keep_classification:
             codes = scheme.to_asprs(predicted.labels, config.asprs)
+            codes = fit_legacy(codes) if writer.has_legacy_codes else codes
         writer.write(chunk, _columns(predicted, scheme.decode_indices(predicted.labels)), codes)
         counts += np.bincount(predicted.labels + 1, minlength=len(counts))
         progress.advance(len(chunk))
@@ -242,7 +253,10 @@ def _write(
             f"{counts.sum():,} points on the second pass",
             f"{reader.info.num_points:,}; leave the file alone while it is being labelled",
         )
-    return counts
+    lost = None
+    if as_las and writer.has_legacy_codes and not config.keep_classification:
+        lost = describe_legacy_loss(scheme, counts[1:], config.asprs)
+    return counts, lost
 
 
 def _columns(

@@ -10,6 +10,7 @@ from bushseg.labels import (
     SCHEMES,
     ClassInfo,
     ClassScheme,
+    describe_legacy_loss,
     dump_scheme,
     fit_legacy,
     load_scheme,
@@ -133,6 +134,19 @@ def test_fit_legacy() -> None:
     fitted = fit_legacy(codes)
     assert fitted.dtype == np.uint8
     assert fitted.tolist() == [0, 5, 31, 1, 1, 1]
+
+
+def test_legacy_loss_names_the_classes_that_have_points() -> None:
+    scheme = SCHEMES["bush"]
+    counts = np.zeros(scheme.num_classes, np.int64)
+    counts[scheme.names.index("tree")] = 5
+    assert describe_legacy_loss(scheme, counts) is None
+    counts[scheme.names.index("man_made")] = 1
+    loss = describe_legacy_loss(scheme, counts)
+    assert loss is not None
+    assert "man_made (64)" in loss
+    assert "vehicle_person" not in loss
+    assert describe_legacy_loss(scheme, counts, {"man_made": 6}) is None
 
 
 def test_load_a_users_scheme(tmp_path: Path) -> None:

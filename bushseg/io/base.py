@@ -95,7 +95,13 @@ class ScanWriter(ABC):
 
     A writer writes to the very path it is given; the caller makes that atomic
     (:func:`bushseg.files.atomic_path`) and calls :meth:`close` once, after the last chunk.
+
+    Attributes:
+        has_legacy_codes: Whether the format's own label field has five bits, as LAS's point formats
+            0 to 5 have; see :func:`bushseg.labels.fit_legacy`.
     """
+
+    has_legacy_codes: bool = False
 
     @abstractmethod
     def write(

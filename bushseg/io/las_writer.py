@@ -37,6 +37,7 @@ class LasWriter(ScanWriter):
     def __init__(self, path: Path, source: LasReader, added: Mapping[str, np.dtype[Any]]) -> None:
         layout, self._fields = add_columns(source.layout, added)
         self._layout = layout
+        self.has_legacy_codes = layout.point_format < 6
         self._header = source.header
         self._source = source.info.path.open("rb")
         descriptors = None if layout is source.layout else b"".join(layout.described())

@@ -17,6 +17,7 @@ from .evaluate import evaluate
 from .info import info
 from .predict import predict
 from .prepare import prepare
+from .render import render
 from .simulate import simulate
 from .train import train
 
@@ -30,7 +31,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (info, prepare, train, predict, evaluate, simulate, labels, models, config):
+for command in (info, prepare, train, predict, evaluate, render, simulate, labels, models, config):
     app.command()(command)
 
 

@@ -1,0 +1,89 @@
+"""Tiles: every voxel in one core, cores of bounded size, halos that miss nothing."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bushseg.grid import decode_morton, encode_morton
+from bushseg.tiling import BLOCK, Tiling
+
+
+def keys_of(cells: np.ndarray) -> np.ndarray:
+    return np.unique(encode_morton(np.asarray(cells, dtype=np.uint64)))
+
+
+def scattered(seed: int, count: int = 400, extent: int = 200) -> np.ndarray:
+    """Voxels at random, with one dense spot."""
+    rng = np.random.default_rng(seed)
+    cells = rng.integers(0, extent, (count, 3))
+    cells[: count // 2] //= 8
+    return keys_of(cells)
+
+
+@given(seed=st.integers(0, 1000), tile_points=st.integers(1, 500), halo=st.integers(0, 40))
+def test_cores_partition_the_voxels_and_halos_hold_all_within_reach(
+    seed: int, tile_points: int, halo: int
+) -> None:
+    keys = scattered(seed)
+    columns = decode_morton(keys)[:, :2]
+    blocks = columns // BLOCK
+    _, block_sizes = np.unique(blocks, axis=0, return_counts=True)
+    tiling = Tiling(keys, tile_points, halo)
+    visits = np.zeros(len(keys), dtype=int)
+    for tile in tiling.tiles:
+        indices, is_core = tiling.members(tile)
+        assert (np.diff(indices) > 0).all()
+        core = indices[is_core]
+        visits[core] += 1
+        assert len(core) == tile.num_points
+        assert len(core) <= max(tile_points, block_sizes.max())
+        low = (columns[core] - halo).min(axis=0)
+        high = (columns[core] + halo).max(axis=0)
+        within = ((columns >= low) & (columns <= high)).all(axis=1)
+        assert np.isin(np.flatnonzero(within), indices).all()
+        # No more context than was asked for, rounded up to whole blocks.
+        reach = (-(-halo // BLOCK) + 1) * BLOCK
+        assert (columns[indices] > columns[core].min(axis=0) - reach).all()
+        assert (columns[indices] < columns[core].max(axis=0) + reach).all()
+    assert (visits == 1).all()
+
+
+def test_tiles_of_an_even_field_are_of_about_equal_size() -> None:
+    x, y = np.meshgrid(np.arange(512), np.arange(512))
+    keys = keys_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
+    sizes = [tile.num_points for tile in Tiling(keys, 40_000, 0).tiles]
+    assert sum(sizes) == len(keys)
+    assert max(sizes) <= 40_000
+    assert min(sizes) >= 20_000
+
+
+def test_a_dense_block_stays_whole() -> None:
+    z = np.arange(5_000)
+    keys = keys_of(np.column_stack([z % BLOCK, z % 7, z]))
+    tiling = Tiling(keys, 1_000, 64)
+    assert [tile.num_points for tile in tiling.tiles] == [len(keys)]
+
+
+def test_an_outlier_far_away_costs_no_more_than_a_tile() -> None:
+    near = scattered(0)
+    keys = np.append(near, keys_of(np.array([[2_000_000, 2_000_000, 2_000_000]])))
+    tiling = Tiling(keys, len(near), 64)
+    assert len(tiling.tiles) == 2
+    assert sum(tile.num_points for tile in tiling.tiles) == len(keys)
+    (far,) = (tile for tile in tiling.tiles if tile.high[0] > 100_000)
+    indices, is_core = tiling.members(far)
+    assert is_core[indices == len(near)].all()
+
+
+@pytest.mark.parametrize("halo", [0, 1, 512])
+def test_one_voxel_is_one_tile(halo: int) -> None:
+    tiling = Tiling(keys_of(np.array([[7, 300, 5]])), 1, halo)
+    (tile,) = tiling.tiles
+    indices, is_core = tiling.members(tile)
+    assert (indices.tolist(), is_core.tolist()) == ([0], [True])
+
+
+@pytest.mark.parametrize(("halo", "blocks"), [(0, 0), (1, 1), (16, 1), (17, 2)])
+def test_the_halo_is_rounded_up_to_blocks(halo: int, blocks: int) -> None:
+    assert Tiling(scattered(1), 100, halo).halo_blocks == blocks

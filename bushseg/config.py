@@ -175,7 +175,9 @@ class Config(Section):
                 raise ConfigError(f"{file}: can't be read as TOML ({error})") from error
         for section, settings in (overrides or {}).items():
             given = {name: value for name, value in settings.items() if value is not None}
-            values[section] = {**values.get(section, {}), **given}
+            below = values.get(section, {})
+            # What is no table is left for the check to name.
+            values[section] = {**below, **given} if isinstance(below, dict) else below
         return cls.from_dict(values, str(file) if values else "settings")
 
     def to_toml(self) -> str:

@@ -2,11 +2,21 @@
 PYTHON ?= python3
 VENV := .venv
 PIP := $(VENV)/bin/pip install -q -c constraints.txt
+BUSHSEG := $(VENV)/bin/bushseg
+DEMO := demo
 
 .PHONY: run test test-slow clean
 
+# The whole path, on sites that are made up on the spot; the last one is not trained on.
 run: $(VENV)/.installed
-	$(VENV)/bin/python examples/demo.py --output demo
+	rm -rf $(DEMO)
+	$(BUSHSEG) simulate -o $(DEMO)/scans --sites 4 --seed 1
+	$(BUSHSEG) simulate -o $(DEMO)/unseen --sites 1 --seed 100
+	$(BUSHSEG) prepare $(DEMO)/scans -o $(DEMO)/prepared --config examples/demo.toml
+	$(BUSHSEG) train $(DEMO)/prepared --run $(DEMO)/run --config examples/demo.toml
+	$(BUSHSEG) predict $(DEMO)/unseen/site_000.laz -o $(DEMO)/labeled.laz --model $(DEMO)/run
+	$(BUSHSEG) evaluate $(DEMO)/labeled.laz $(DEMO)/unseen/site_000.laz -o $(DEMO)/report
+	$(BUSHSEG) render $(DEMO)/labeled.laz -o $(DEMO)/labeled.png
 
 test: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff format --check .
@@ -29,4 +39,4 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt
 	touch $@ $(VENV)/.installed
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info demo
+	rm -rf $(VENV) build dist *.egg-info $(DEMO)

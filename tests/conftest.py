@@ -1,0 +1,137 @@
+"""A tiny site with exact labels, prepared once and learnt once, for all tests that need a model."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from bushseg.config import AugmentConfig, Config, NetworkConfig, PrepareConfig, TrainConfig
+
+EDGE = 8.0
+GROUND, BUSH, WALL = 2, 4, 6
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Points of a made-up site: ground, round bushes, a wall."""
+
+    xyz: np.ndarray  # (N, 3) metres
+    codes: np.ndarray  # (N,) LAS codes
+    rgb: np.ndarray  # (N, 3) uint16
+    intensity: np.ndarray  # (N,) uint16
+
+
+def make_scene(seed: int, num_points: int = 4000) -> Scene:
+    rng = np.random.default_rng(seed)
+    quarter = num_points // 4
+    ground = np.column_stack(
+        [
+            rng.uniform(0, EDGE, (num_points - 2 * quarter, 2)),
+            np.zeros(1).repeat(num_points - 2 * quarter),
+        ]
+    )
+    centers = rng.uniform(1, EDGE - 2, (3, 2))
+    ball = rng.normal(size=(quarter, 3))
+    ball *= 0.7 * rng.random((quarter, 1)) ** (1 / 3) / np.linalg.norm(ball, axis=1, keepdims=True)
+    bush = ball + np.column_stack([centers[np.arange(quarter) % 3], np.full(quarter, 0.7)])
+    wall = np.column_stack(
+        [rng.uniform(0, EDGE, quarter), np.full(quarter, EDGE - 0.5), rng.uniform(0, 2, quarter)]
+    )
+    xyz = np.concatenate([ground, bush, wall])
+    codes = np.repeat([GROUND, BUSH, WALL], [len(ground), len(bush), len(wall)])
+    colors = {GROUND: (40_000, 30_000, 20_000), BUSH: (10_000, 45_000, 9_000), WALL: (30_000,) * 3}
+    rgb = np.array([colors[code] for code in codes]) + rng.integers(-5000, 5000, (len(xyz), 3))
+    intensity = codes * 900 + rng.integers(0, 2000, len(xyz))
+    order = rng.permutation(len(xyz))
+    return Scene(
+        xyz[order],
+        codes[order].astype(np.uint8),
+        rgb[order].astype(np.uint16),
+        intensity[order].astype(np.uint16),
+    )
+
+
+def save_las(path: Path, scene: Scene, point_format: int = 7, *, labelled: bool = True) -> Path:
+    version = "1.4" if point_format >= 6 else "1.2"
+    las = laspy.LasData(laspy.LasHeader(version=version, point_format=point_format))
+    las.header.scales, las.header.offsets = [0.001] * 3, [0.0] * 3
+    las.x, las.y, las.z = scene.xyz.T
+    las.intensity = scene.intensity
+    if labelled:
+        las.classification = scene.codes
+    if "red" in las.point_format.dimension_names:
+        las.red, las.green, las.blue = scene.rgb.T
+    las.write(str(path))
+    return path
+
+
+def make_config(**train: object) -> Config:
+    """Settings of a network that learns the site in seconds."""
+    settings = {"epochs": 2, "batch_size": 2, "steps_per_epoch": 6, "validation": "none"}
+    return Config(
+        prepare=PrepareConfig(
+            voxel_size=0.15,
+            num_neighbors=8,
+            num_levels=2,
+            tile_points=1500,
+            halo=16,
+            crop_points=512,
+            num_crops=16,
+        ),
+        network=NetworkConfig(widths=(8, 16), head_widths=(8, 8), dropout=0.1),
+        train=TrainConfig(augment=AugmentConfig(), **(settings | train)),
+    )
+
+
+@pytest.fixture(scope="session")
+def new_scene() -> Callable[..., Scene]:
+    return make_scene
+
+
+@pytest.fixture(scope="session")
+def write_las() -> Callable[..., Path]:
+    return save_las
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Callable[..., Config]:
+    return make_config
+
+
+@pytest.fixture(scope="session")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of three labelled scans: north, middle, south."""
+    folder = tmp_path_factory.mktemp("scans")
+    for seed, name in enumerate(("north", "middle", "south")):
+        save_las(folder / f"{name}.las", make_scene(seed))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def prepared(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The scans as a data set; not to be written to."""
+    from bushseg.preparation import prepare
+
+    folder = tmp_path_factory.mktemp("data") / "prepared"
+    prepare([scans], folder, make_config().prepare)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run(prepared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of six epochs; not to be written to."""
+    from bushseg.training import train
+
+    folder = tmp_path_factory.mktemp("runs") / "tiny"
+    train(prepared, folder, make_config(epochs=6, steps_per_epoch=8, validation="scan:south"))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def model(run: Path):
+    from bushseg.checkpoint import load_model
+
+    return load_model(run / "best.safetensors")

@@ -1,0 +1,50 @@
+import pytest
+import torch
+
+from bushseg.models.layers import SharedMLP, gather, in_chunks
+
+
+def test_gather_takes_rows_in_any_shape():
+    x = torch.arange(6.0).view(3, 2)
+    found = gather(x, torch.tensor([[2, 0], [1, 1]]))
+    assert found.tolist() == [[[4, 5], [0, 1]], [[2, 3], [2, 3]]]
+
+
+def test_shared_mlp_treats_every_point_alike():
+    torch.manual_seed(0)
+    mlp = SharedMLP(3, 4).eval()
+    x = torch.randn(5, 7, 3)
+    torch.testing.assert_close(mlp(x)[2, 3], mlp(x[2, 3][None])[0])
+
+
+def test_shared_mlp_by_hand():
+    mlp = SharedMLP(2, 2).eval()
+    with torch.no_grad():
+        mlp.linear.weight.copy_(torch.tensor([[1.0, 1.0], [1.0, -1.0]]))
+    x = torch.tensor([[1.0, 3.0]])
+    # A fresh normalization divides by sqrt(1 + eps); the slope below zero is 0.2.
+    torch.testing.assert_close(mlp(x), torch.tensor([[4.0, -0.4]]), atol=1e-4, rtol=0)
+    bare = SharedMLP(2, 2, activation=False).eval()
+    bare.load_state_dict(mlp.state_dict())
+    torch.testing.assert_close(bare(x), torch.tensor([[4.0, -2.0]]), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 10, 11])
+def test_in_chunks_equals_the_whole(size):
+    a, b = torch.randn(10, 2), torch.randn(10, 3, 2)
+    sizes = []
+
+    def function(x, y):
+        sizes.append(len(x))
+        return x + y.sum(dim=1)
+
+    with torch.no_grad():
+        torch.testing.assert_close(in_chunks(function, size, a, b), a + b.sum(dim=1))
+    assert max(sizes) <= size
+    assert sum(sizes) == 10
+
+
+def test_with_gradients_nothing_is_cut():
+    sizes = []
+    in_chunks(lambda x: sizes.append(len(x)) or x, 3, torch.randn(10, 2))
+    assert sizes == [10]

@@ -65,11 +65,41 @@ def _ground_raster(
         lowest = lowest[tuple(nearest)]
     window = max(5, 2 * round(WINDOW / cell / 2) + 1)
     # In a dense stand few cells see the ground, so a pit counts only if it is alone in the window.
-    ring = np.ones((window, window), dtype=bool)
-    middle = window // 2
-    ring[middle - 1 : middle + 2, middle - 1 : middle + 2] = False
-    around = ndimage.grey_erosion(lowest, footprint=ring)
+    around = _lowest_around(lowest, window)
     cleaned = np.where(lowest < around - PIT_DEPTH, around, lowest)
     opened = ndimage.grey_opening(cleaned, size=(window, window))
     raster: NDArray[np.float64] = ndimage.gaussian_filter(opened, sigma=1.0, mode="nearest")
     return raster
+
+
+def _lowest_around(lowest: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+    """The minimum of each cell's window without its middle 3 x 3 cells, shape (X, Y).
+
+    Equals a grey-scale erosion by that ring; as four bars, each of them separable, it costs a ninth
+    of it.
+    """
+    middle = window // 2
+    rows, columns = lowest.shape
+    padded = np.pad(lowest, middle, mode="symmetric")
+    # Padded cell i begins the window of cell i; i + middle + 2 begins what lies past the 3 x 3.
+    across = _lowest_ahead(padded, window, axis=1)[:, :columns]
+    low_high = _lowest_ahead(across, middle - 1, axis=0)
+    beside = _lowest_ahead(padded, 3, axis=0)[middle - 1 : middle - 1 + rows]
+    left_right = _lowest_ahead(beside, middle - 1, axis=1)
+    past = middle + 2
+    bars = (
+        low_high[:rows],
+        low_high[past : past + rows],
+        left_right[:, :columns],
+        left_right[:, past : past + columns],
+    )
+    around: NDArray[np.float64] = np.minimum.reduce(bars)
+    return around
+
+
+def _lowest_ahead(values: NDArray[np.float64], size: int, axis: int) -> NDArray[np.float64]:
+    """The minimum of the `size` values that begin at each one, along an axis."""
+    lowest: NDArray[np.float64] = ndimage.minimum_filter1d(
+        values, size, axis=axis, origin=-(size // 2)
+    )
+    return lowest

@@ -73,7 +73,9 @@ def source_values(cloud: PointCloud, columns: Mapping[str, str]) -> dict[str, ND
             for name, shift in (("red", 16), ("green", 8), ("blue", 0)):
                 values[name] = ((bits >> shift) & 0xFF).astype(np.float32)
         else:
-            values[ours] = np.nan_to_num(column.astype(np.float32), posinf=0, neginf=0)
+            with np.errstate(over="ignore"):  # what float32 can't hold is infinite, so 0 too
+                single = column.astype(np.float32)
+            values[ours] = np.nan_to_num(single, posinf=0, neginf=0)
     return values
 
 
@@ -98,7 +100,7 @@ def normalize(
     if "red" in values:
         rgb = np.stack([values["red"], values["green"], values["blue"]], axis=1)
         top = float(rgb.max(initial=0))
-        if np.ptp(rgb) > 0:
+        if (rgb != rgb[:1]).any():
             full = 1.0 if top <= 1 else 255.0 if top <= 255 else 65535.0
             features["rgb"] = (rgb / full * 2 - 1).astype(np.float32)
     if "intensity" in values:

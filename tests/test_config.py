@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bushseg.config import Config, NetworkConfig, PrepareConfig, TrainConfig
@@ -82,6 +82,7 @@ def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
         Config.load(tmp_path / "settings.toml")
 
 
+@settings(deadline=None)
 @given(
     voxel_size=st.floats(1e-6, 1e6),
     num_crops=st.none() | st.integers(1, 10**6),

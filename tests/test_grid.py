@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -23,6 +23,7 @@ def interleave(cell: list[int]) -> int:
     )
 
 
+@settings(deadline=None)
 @given(CELLS)
 def test_morton_codes_are_interleaved_bits_and_decode_again(cells: np.ndarray) -> None:
     keys = encode_morton(cells)
@@ -70,6 +71,7 @@ def test_a_grid_needs_a_finite_anchor(anchor: object) -> None:
         VoxelGrid.around(anchor, 0.1)  # type: ignore[arg-type]
 
 
+@settings(deadline=None)
 @given(
     millimetres=arrays(np.int64, (30, 3), elements=st.integers(-200_000, 200_000)),
     voxel_size=st.sampled_from([0.02, 0.05, 0.1, 0.25, 1.0]),

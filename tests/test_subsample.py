@@ -4,7 +4,7 @@ from collections import Counter, defaultdict
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bushseg import subsample
@@ -50,6 +50,7 @@ def test_five_points_by_hand() -> None:
     assert voxels.labels.tolist() == [2, -1]
 
 
+@settings(deadline=None)
 @given(st.lists(point, max_size=40), st.data())
 def test_means_majorities_and_counts_equal_a_plain_loop(
     rows: list[tuple[float, ...]], data: st.DataObject

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bushseg.grid import decode_morton, encode_morton
@@ -21,6 +21,7 @@ def scattered(seed: int, count: int = 400, extent: int = 200) -> np.ndarray:
     return keys_of(cells)
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 1000), tile_points=st.integers(1, 500), halo=st.integers(0, 40))
 def test_cores_partition_the_voxels_and_halos_hold_all_within_reach(
     seed: int, tile_points: int, halo: int

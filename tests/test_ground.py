@@ -1,0 +1,122 @@
+"""Height above ground on made-up terrain whose every height is known."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import ndimage
+
+from bushseg import ground
+from bushseg.ground import CELL, WINDOW, height_above_ground
+
+
+def terrain(seed: int, slope: float = 0.0, count: int = 20_000, edge: float = 60.0) -> np.ndarray:
+    """Points of a plane that rises in x, (count, 3)."""
+    xy = np.random.default_rng(seed).random((count, 2)) * edge
+    return np.column_stack([xy, slope * xy[:, 0]])
+
+
+def blob(
+    seed: int, middle: tuple[float, float], low: float, high: float, radius: float
+) -> np.ndarray:
+    """An upright cylinder of leaves, (500, 3)."""
+    rng = np.random.default_rng(seed)
+    offsets = rng.uniform(-1, 1, (500, 2)) * radius
+    return np.column_stack([offsets + middle, rng.uniform(low, high, 500)])
+
+
+def test_flat_ground_is_at_zero() -> None:
+    np.testing.assert_allclose(height_above_ground(terrain(0) + 100), 0, atol=1e-5)
+
+
+def test_a_single_point_lies_on_its_ground() -> None:
+    assert height_above_ground(np.array([[3.0, 4.0, 5.0]])).tolist() == [0]
+    assert height_above_ground(np.empty((0, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+def test_plants_on_a_slope_stand_at_their_true_heights(slope: float) -> None:
+    plants = np.concatenate([blob(1, (20, 20), 0, 1.5, 1.5), blob(2, (42, 35), 4, 12, 4)])
+    true = np.concatenate([np.zeros(20_000), plants[:, 2]])
+    plants[:, 2] += slope * plants[:, 0]
+    scan = np.concatenate([terrain(0, slope), plants])
+    error = height_above_ground(scan) - true
+    # A cell takes its lowest point, so a slope lowers the ground by up to a cell's rise.
+    low, high = -0.05 - CELL * slope, 0.05 + 1.5 * CELL * slope
+    assert ((error > low) & (error < high))[scan[:, 0] < 60 - WINDOW / 2].all()
+    # At the upper border the opening cuts the hill off, half a window wide: a known limit.
+    assert ((error > low) & (error < high + WINDOW / 2 * slope)).all()
+
+
+def test_a_stray_pit_does_not_pull_the_ground_down() -> None:
+    pit = np.array([[30.0, 30.0, -25.0]])
+    height = height_above_ground(np.concatenate([terrain(0), pit]))
+    np.testing.assert_allclose(height[:-1], 0, atol=0.01)
+    assert height[-1] == pytest.approx(-25, abs=0.01)
+
+
+def test_few_ground_hits_below_a_dense_stand_are_believed() -> None:
+    rng = np.random.default_rng(3)
+    canopy = np.column_stack([rng.random((20_000, 2)) * 60, rng.uniform(8, 15, 20_000)])
+    hits = np.column_stack([rng.random((60, 2)) * 60, np.zeros(60)])
+    height = height_above_ground(np.concatenate([canopy, hits]))
+    np.testing.assert_allclose(height[-60:], 0, atol=0.5)
+    assert (np.abs(height[:-60] - canopy[:, 2]) < 0.5).mean() > 0.99
+
+
+@pytest.mark.parametrize("shift", [(0, 0, 350.5), (17.0, -33.0, 0), (4096.0, 128.0, -8.0)])
+def test_moving_the_scan_leaves_its_heights(shift: tuple[float, float, float]) -> None:
+    scan = np.concatenate([terrain(4, 0.2), blob(5, (20, 30), 4, 8, 1)])
+    scan = np.round(scan * 1024) / 1024  # exact after any of the shifts
+    before, after = height_above_ground(scan), height_above_ground(scan + shift)
+    np.testing.assert_allclose(after, before, atol=1e-5)
+
+
+def test_a_point_far_away_does_not_blow_up_memory() -> None:
+    scan = np.concatenate([terrain(6), [[10_000.0, 10_000.0, 0.0]]])
+    tracemalloc.start()
+    try:
+        height = height_above_ground(scan)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(height, 0, atol=1e-5)
+    assert peak < 16 * ground._MAX_CELLS * 8  # the raster at its largest, a few times over
+
+
+@pytest.mark.parametrize("extent", [1e5, 2e8, 1e12])
+def test_the_raster_is_bounded_whatever_the_extent(
+    extent: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ground, "_MAX_CELLS", 10_000)
+    sizes: list[int] = []
+    opening = ndimage.grey_opening
+
+    def watched(raster: np.ndarray, **options: object) -> np.ndarray:
+        sizes.append(raster.size)
+        return opening(raster, **options)
+
+    monkeypatch.setattr(ndimage, "grey_opening", watched)
+    height = height_above_ground(np.array([[0.0, 0, 1], [extent, 1, 1], [2, extent, 1]]))
+    assert np.isfinite(height).all()
+    assert sizes[0] <= 10_000
+
+
+@settings(deadline=None)
+@given(
+    lowest=arrays(
+        np.float64,
+        st.tuples(st.integers(1, 30), st.integers(1, 30)),
+        elements=st.integers(-9, 9).map(float),
+    ),
+    window=st.sampled_from([5, 7, 21]),
+)
+def test_the_ring_of_bars_equals_a_plain_erosion(lowest: np.ndarray, window: int) -> None:
+    ring = np.ones((window, window), dtype=bool)
+    middle = window // 2
+    ring[middle - 1 : middle + 2, middle - 1 : middle + 2] = False
+    plain = ndimage.grey_erosion(lowest, footprint=ring)
+    np.testing.assert_array_equal(ground._lowest_around(lowest, window), plain)

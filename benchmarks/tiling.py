@@ -76,7 +76,7 @@ def main() -> None:
     whole, _, _ = labels_of(model, scan, WHOLE, 0)
     print(f"{options.scan.name}: {len(cloud):,} points, {len(whole):,} voxels of {voxel_size} m")
     print(
-        "| tile, voxels | halo, voxels | tiles | passes | labels that differ | of those near a seam | all near a seam |"
+        "| tile, voxels | halo, voxels | tiles | passes | differ | near a seam: differing | all |"
     )
     print("|---|---|---|---|---|---|---|")
     for tile_points in map(int, options.tiles.split(",")):
@@ -89,7 +89,7 @@ def main() -> None:
                 f"{differs.mean():.3%} | {along:.1%} | {seam.mean():.1%} |",
                 flush=True,
             )
-    moved = PointCloud(cloud.xyz + [6_600_000 - cloud.xyz[0, 0], 0, 0], cloud.attributes)
+    moved = PointCloud(cloud.xyz + np.array([6_600_000 - cloud.xyz[0, 0], 0, 0]), cloud.attributes)
     scan = read_voxels(MemoryReader(moved), voxel_size)
     labels, _, _ = labels_of(model, scan, WHOLE, 0)
     if len(labels) != len(whole):

@@ -20,7 +20,7 @@ from bushseg.files import atomic_path
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import TileData
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Changes whenever prepared data of one version would be misread by another."""
 
 _EDGE_BYTES = 65_536

@@ -12,6 +12,10 @@ from bushseg.config import Sampling
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import decimate, hash_uniform
 
+_CELL_BITS = 3 * 4
+"""Decimation's cells are cubes of 16 voxels: tiles are made of whole blocks of that edge, so a cell
+is never cut by one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pyramid:
@@ -51,7 +55,7 @@ def build_pyramid(
         keys: Voxel keys, from which decimation draws its zeta, shape (N,), int64.
         num_neighbors: K.
         num_levels: How many times to decimate.
-        decimation: One point in this many survives (at least one does).
+        decimation: About one point in this many survives; at least one does.
         sampling: How survivors are chosen.
         seed: Selects the zeta.
 
@@ -64,7 +68,7 @@ def build_pyramid(
         points = index.points
         around = index.query(points, num_neighbors)
         zeta = hash_uniform(keys, seed * num_levels + level)
-        kept = decimate(zeta, max(1, len(points) // decimation), points, around, sampling)
+        kept = decimate(zeta, keys >> _CELL_BITS, decimation, points, around, sampling)
         index = NeighborIndex(points[kept])
         neighbors.append(around)
         decimated.append(kept)

@@ -20,6 +20,7 @@ from bushseg.config import Sampling
 
 _BLOCK = 512
 _ROUNDS = 4
+_TAKEN = 1e6  # above any zeta, yet z / (1 + z) stays below 1
 
 
 def raise_by_distance(
@@ -101,39 +102,70 @@ def hash_uniform(keys: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
 
 def decimate(
     zeta: NDArray[np.float64],
-    num_kept: int,
+    cells: NDArray[np.int64],
+    decimation: int,
     xyz: NDArray[np.float32],
     neighbors: NDArray[np.int32],
     sampling: Sampling = "mrs",
 ) -> NDArray[np.int32]:
-    """Choose which points survive a layer.
+    """Choose which points survive a layer: about one in `decimation`, none twice.
 
-    Plain random keeps the smallest zeta. MRS chooses in a few rounds: those chosen in one round
-    raise their K neighbors by eq. 3 (W = 1), so that the next round falls elsewhere. A point is
-    chosen once at most.
+    MRS takes the points of smallest zeta in a few rounds; those taken in one round raise their K
+    neighbors by eq. 3 (W = 1), so that the next round falls elsewhere. Plain random takes those
+    whose zeta lies below 1 / decimation.
+
+    What survives must not depend on what else is in the tile, or a label would depend on where the
+    tile was cut. A smallest zeta among all points would; so it is sought in each cell of the voxel
+    grid by itself, and a cell's share of survivors is rounded up or down by the zeta of its first
+    point. Over all cells that gives one point in `decimation`, to within a few in a thousand.
 
     Args:
         zeta: U(0, 1) of each point, shape (N,), float64; left unchanged.
-        num_kept: How many survive, 1 <= num_kept <= N.
+        cells: Cell of each point, ascending, shape (N,), int64.
+        decimation: One in this many survives; at least one does.
         xyz: Positions, shape (N, 3), float32.
         neighbors: Neighbor indices, shape (N, K), int32.
         sampling: "mrs" or "random".
 
     Returns:
-        Indices of the survivors, ascending (Morton order is kept), shape (num_kept,), int32.
+        Indices of the survivors, ascending (Morton order is kept), shape (M,), int32.
     """
-    rounds = _ROUNDS if sampling == "mrs" else 1
+    if sampling == "random":
+        kept = np.flatnonzero(zeta < 1 / decimation)
+    else:
+        kept = _decimate_mrs(zeta, cells, decimation, xyz, neighbors)
+    if not len(kept):
+        kept = np.array([zeta.argmin()])
+    return kept.astype(np.int32)
+
+
+def _decimate_mrs(
+    zeta: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    decimation: int,
+    xyz: NDArray[np.float32],
+    neighbors: NDArray[np.int32],
+) -> NDArray[np.intp]:
+    """MRS by rounds and cells; arguments and result as in :func:`decimate`."""
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+    sizes = np.diff(starts, append=len(cells))
+    number = np.repeat(np.arange(len(starts)), sizes)
+    # The first point's zeta decides what survives, too; its square root's digits are others.
+    quotas = np.floor(sizes / decimation + np.sqrt(zeta[starts]) * 1e3 % 1).astype(np.int64)
     current: NDArray[np.float64] = zeta.copy()
-    chosen: list[NDArray[np.intp]] = []
-    for quota in np.diff(np.linspace(0, num_kept, rounds + 1).round().astype(int)):
-        if not quota:
-            continue
-        picked = np.argpartition(current, quota - 1)[:quota]
-        chosen.append(picked)
-        if sampling == "mrs":
-            around = neighbors[picked]
-            distances = np.linalg.norm(xyz[around] - xyz[picked, None], axis=2)
-            raised = raise_by_distance(distances)
-            current += np.bincount(around.ravel(), raised.ravel(), minlength=len(current))
-        current[picked] = np.inf
-    return np.sort(np.concatenate(chosen)).astype(np.int32)
+    chosen = np.zeros(len(zeta), dtype=bool)
+    for last in range(1, _ROUNDS + 1):
+        quota = quotas * last // _ROUNDS - quotas * (last - 1) // _ROUNDS
+        # One sort finds the smallest of every cell: z / (1 + z) lies in [0, 1) and keeps order.
+        order = np.argsort(number + current / (1 + current))
+        rank = np.arange(len(order)) - starts[number]
+        picked = order[rank < quota[number]]
+        chosen[picked] = True
+        if last == _ROUNDS:
+            break
+        around = neighbors[picked]
+        distances = np.linalg.norm(xyz[around] - xyz[picked, None], axis=2)
+        raised = raise_by_distance(distances)
+        current += np.bincount(around.ravel(), raised.ravel(), minlength=len(current))
+        current[picked] = _TAKEN
+    return np.flatnonzero(chosen)

@@ -18,6 +18,7 @@ Sampling = Literal["mrs", "random"]
 Attention = Literal["mam", "randla", "eca", "se", "nonlocal", "axial"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
+Width = Annotated[int, Field(ge=1, le=4096)]
 
 
 class Section(BaseModel):
@@ -54,7 +55,7 @@ class PrepareConfig(Section):
         120_000, ge=1_000, le=4_000_000, description="A tile's core holds at most so many voxels"
     )
     halo: int = Field(
-        64, ge=0, le=512, description="Context around a tile's core, in voxels (rounded up to 16)"
+        48, ge=0, le=512, description="Context around a tile's core, in voxels (rounded up to 16)"
     )
     crop_points: int = Field(12_288, ge=256, le=65_536, description="Voxels in a training crop")
     num_crops: int | None = Field(
@@ -74,11 +75,11 @@ class NetworkConfig(Section):
         "was cut; absolute: p_i and p_k as well, as RandLA-Net has it",
     )
     attention: Attention = Field("mam", description="How a neighborhood is pooled (Table 4)")
-    widths: tuple[int, ...] = Field(
+    widths: tuple[Width, ...] = Field(
         (32, 128, 256, 512), description="Feature width after each encoder layer; multiples of 4"
     )
-    stem_width: int = Field(8, ge=1, description="Width after the first fully connected layer")
-    head_widths: tuple[int, int] = Field((64, 32), description="Widths before the class scores")
+    stem_width: Width = Field(8, description="Width after the first fully connected layer")
+    head_widths: tuple[Width, Width] = Field((64, 32), description="Widths before the class scores")
     dropout: Share = Field(0.5, description="Drop-out before the class scores")
 
     @model_validator(mode="after")

@@ -8,16 +8,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import torch
-from pydantic import Field, ValidationError
+from pydantic import Field, model_validator
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
 from bushseg.config import NetworkConfig, PrepareConfig, Section
-from bushseg.errors import CheckpointError
+from bushseg.errors import CheckpointError, ConfigError
 from bushseg.features import FEATURES
 from bushseg.files import atomic_path
 from bushseg.models.bushnet import BushNet
@@ -46,6 +46,11 @@ class ModelCard(Section):
         default_factory=dict, description="On the held-out split, at the epoch it was saved"
     )
 
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        check_levels(self.prepare, self.network)
+        return self
+
 
 @dataclass(frozen=True, slots=True)
 class Model:
@@ -60,6 +65,19 @@ class Model:
     card: ModelCard
     network: BushNet
     path: Path | None = None
+
+
+def check_levels(prepare: PrepareConfig, network: NetworkConfig) -> None:
+    """Refuse a network that has other levels than the data it is to be fed.
+
+    Raises:
+        ConfigError: It says how many each has.
+    """
+    if len(network.widths) != prepare.num_levels:
+        raise ConfigError(
+            f"network.widths has {len(network.widths)} layers, the data {prepare.num_levels} "
+            "levels; give as many widths, or prepare again with another num_levels"
+        )
 
 
 def build_network(card: ModelCard) -> BushNet:
@@ -105,15 +123,15 @@ def load_model(path: Path) -> Model:
         for name, tensor in tensors.items()
         if name.startswith(_WEIGHTS)
     }
-    # Built without memory first: settings that ask for absurd widths fail before they are met.
-    with torch.device("meta"):
-        network = build_network(card)
     try:
+        # Built without memory first: settings that ask for absurd widths fail before they are met.
+        with torch.device("meta"):
+            network = build_network(card)
         network.load_state_dict(weights, assign=True)
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
         raise CheckpointError(f"{path}: its weights don't fit its settings ({reason})") from error
-    return Model(card, network.eval(), path)
+    return Model(card, network.float().eval(), path)
 
 
 def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Tensor]]:
@@ -141,11 +159,10 @@ def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Te
             raise CheckpointError(
                 f"{path}: is a model of version {values.get('version')}; expected {MODEL_VERSION}"
             )
-        card = ModelCard.model_validate(values)
+        card = ModelCard.from_dict(values, "model card")
         state = json.loads(metadata.get("state", "{}"))
-    except (json.JSONDecodeError, AttributeError, ValidationError) as error:
-        reason = str(error).splitlines()[0]
-        raise CheckpointError(f"{path}: its model card can't be read ({reason})") from error
+    except (json.JSONDecodeError, RecursionError, AttributeError, ConfigError) as error:
+        raise CheckpointError(f"{path}: its model card can't be read ({error})") from error
     unknown = [name for name in card.features if name not in FEATURES]
     if unknown or not card.features:
         raise CheckpointError(f"{path}: wants features {unknown}; known are {', '.join(FEATURES)}")

@@ -23,7 +23,7 @@ from bushseg.batches import EpochBatches
 from bushseg.checkpoint import ModelCard, build_network, load_checkpoint, save_model
 from bushseg.config import Config
 from bushseg.dataset import Dataset
-from bushseg.errors import CheckpointError
+from bushseg.errors import CheckpointError, DataError
 from bushseg.files import atomic_path
 from bushseg.history import summarize, write_history
 from bushseg.loss import loss_weights, weighted_cross_entropy
@@ -119,6 +119,12 @@ class Trainer:
         counts = dataset.class_counts(self.train_tiles)
         self.weights = loss_weights(counts, config.train.class_weights).to(self.device)
         self.optimizer = torch.optim.Adam(self.network.parameters(), config.train.learning_rate)
+        wanted = set(self.train_tiles)
+        if not config.train.fresh_crops and wanted.isdisjoint(dataset.crop_tiles):
+            raise DataError(
+                f"{dataset.folder}: none of its {len(dataset.crop_tiles)} crops lies in a tile to "
+                "train on; prepare with more --crops, or pass --fresh-crops"
+            )
 
     def restore(self) -> None:
         """Load the last checkpoint of this run.

@@ -30,7 +30,14 @@ class SharedMLP(nn.Module):
 
     def finish(self, mapped: Tensor) -> Tensor:
         """Normalize and activate what has been mapped already, (..., num_out) -> the same."""
-        x = self.norm(mapped.reshape(-1, mapped.shape[-1])).view(mapped.shape)
+        rows, norm = mapped.reshape(-1, mapped.shape[-1]), self.norm
+        if len(rows) > 1:
+            x = norm(rows).view(mapped.shape)
+        else:
+            # The last survivor of a tiny crop has no variance: the running statistics stand in.
+            statistics = norm.running_mean, norm.running_var
+            x = nn.functional.batch_norm(rows, *statistics, norm.weight, norm.bias, eps=norm.eps)
+            x = x.view(mapped.shape)
         return nn.functional.leaky_relu(x, NEGATIVE_SLOPE) if self.activation else x
 
 

@@ -21,7 +21,7 @@ from bushseg.errors import CheckpointError, DataError, ReadError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.base import ScanReader
 from bushseg.io.memory import MemoryReader
-from bushseg.labeler import check_features, domain_warnings, label_tiles
+from bushseg.labeler import domain_warnings, label_tiles
 from bushseg.labels import describe_legacy_loss, fit_legacy
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
@@ -116,19 +116,19 @@ def predict_file(
         What was done.
 
     Raises:
-        BushsegError: The scan can't be read, the model doesn't fit it, or the output can't be
-            written.
+        BushsegError: The scan can't be read, the model doesn't fit, or the output can't be written.
     """
     config = config or PredictConfig()
     scan, output = Path(scan), Path(output)
     check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
+    io.check_writable(output, io.suffix_of(output))
     begun = time.perf_counter()
     stages = _Stages()
     model = model if isinstance(model, Model) else load_model(find_model(model))
     card = model.card
+    card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)  # a bad mapping shows now, not later
     with io.open_scan(scan) as reader:
         voxel_scan = read_voxels(reader, card.prepare.voxel_size, progress=progress)
-        check_features(model, voxel_scan)
         stages.end("read and sub-sample")
         stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
         seen, distances = 0, []
@@ -276,7 +276,7 @@ def _cloud(points: ArrayLike, attributes: Mapping[str, NDArray[Any]]) -> PointCl
     xyz = np.asarray(points, dtype=np.float64)
     if xyz.ndim != 2 or xyz.shape[1] != 3 or not len(xyz):
         raise DataError(f"the points have shape {xyz.shape}; expected (N, 3) with N >= 1")
-    return PointCloud(xyz, dict(attributes))
+    return PointCloud(xyz, {name: np.asarray(column) for name, column in attributes.items()})
 
 
 def _weighted_median(values: list[tuple[float, int]]) -> float:

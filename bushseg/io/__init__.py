@@ -34,6 +34,7 @@ __all__ = [
     "ScanInfo",
     "ScanReader",
     "ScanWriter",
+    "check_writable",
     "create",
     "find_scans",
     "label_sidecar",
@@ -134,6 +135,27 @@ def label_sidecar(path: str | Path) -> Path | None:
     return find_text_labels(path) if reader is open_text else None
 
 
+def check_writable(path: str | Path, suffix: str) -> None:
+    """Refuse a format that can't be written, before any work is done.
+
+    Args:
+        path: The output, for the message.
+        suffix: :func:`suffix_of` its name.
+
+    Raises:
+        WriteError: It says which formats can be.
+    """
+    if suffix == ".copc.laz":
+        raise WriteError(
+            f"{path}: COPC is read but not written; name the output .laz, and index it afterwards"
+        )
+    if suffix not in WRITERS:
+        raise WriteError(
+            f"{path}: can't write {suffix or 'a file without a suffix'!r}; choose one of "
+            + ", ".join(WRITERS)
+        )
+
+
 def create(
     path: str | Path, suffix: str, source: ScanReader, added: Mapping[str, np.dtype[Any]]
 ) -> ScanWriter:
@@ -148,15 +170,7 @@ def create(
     Raises:
         WriteError: The suffix is of no format that can be written.
     """
-    if suffix == ".copc.laz":
-        raise WriteError(
-            f"{path}: COPC is read but not written; name the output .laz, and index it afterwards"
-        )
-    if suffix not in WRITERS:
-        raise WriteError(
-            f"{path}: can't write {suffix or 'a file without a suffix'!r}; choose one of "
-            + ", ".join(WRITERS)
-        )
+    check_writable(path, suffix)
     return WRITERS[suffix](Path(path), source, added)
 
 

@@ -1,5 +1,7 @@
 """What a scan holds, found by reading all of it."""
 
+import operator
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,6 +20,8 @@ from bushseg.progress import SILENT, Progress
 _CELL = 1.0  # metres; density is counted over occupied cells of this edge
 _MAX_CODES = 256
 _BOUNDS_TOLERANCE = 0.01
+# WKT's name of a unit, or the GeoTIFF codes of the international and the US survey foot.
+_FEET = re.compile(r'UNIT\["[^"]*(?:foot|feet|ftUS)|Units=900[23]\b', re.IGNORECASE)
 
 
 @dataclass
@@ -32,7 +36,7 @@ class ScanReport:
         bounds: Least and greatest coordinates, in the file's unit.
         crs: Coordinate reference system, as the file states it.
         density: Points per square metre (or squared unit of the file) of occupied ground.
-        attributes: Name to least and greatest value, as text.
+        attributes: Name to least and greatest finite value; None where there is none.
         features: What of it the network can use: rgb, intensity.
         label_attribute: Where class codes stand.
         classes: Points per class code.
@@ -46,7 +50,7 @@ class ScanReport:
     bounds: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     crs: str | None = None
     density: float = 0.0
-    attributes: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, tuple[float, float] | None] = field(default_factory=dict)
     features: tuple[str, ...] = ()
     label_attribute: str | None = None
     classes: dict[int, int] = field(default_factory=dict)
@@ -68,8 +72,16 @@ class ScanReport:
             yield f"  density     {self.density:,.1f} points per occupied square unit"
         yield f"  CRS         {_one_line(self.crs) if self.crs else 'not stated'}"
         yield f"  features    {', '.join((*self.features, 'height'))}"
+        constants = []
         for name, span in self.attributes.items():
-            yield f"  {name:28} {span}"
+            if span is None:
+                yield f"  {name:28} no finite value"
+            elif span[0] == span[1]:
+                constants.append(f"{name} {_number(span[0])}")
+            else:
+                yield f"  {name:28} {_number(span[0])} to {_number(span[1])}"
+        if constants:
+            yield f"  constant    {', '.join(constants)}"
         if self.label_attribute is not None:
             codes = ", ".join(f"{code}: {count:,}" for code, count in sorted(self.classes.items()))
             yield f"  classes     ({self.label_attribute}) {codes}"
@@ -101,7 +113,7 @@ def _fill(report: ScanReport, reader: ScanReader, progress: Progress) -> None:
     report.format, report.crs = info.format, info.crs
     report.label_attribute = info.label_attribute
     spans: dict[str, tuple[float, float]] = {}
-    cells: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
+    cells: NDArray[np.complex128] = np.empty(0, dtype=np.complex128)
     codes: Counter[int] = Counter()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     num_bad = num_missing = 0
@@ -117,23 +129,21 @@ def _fill(report: ScanReport, reader: ScanReader, progress: Progress) -> None:
         xyz = chunk.xyz[finite]
         if len(xyz):
             low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
-            with np.errstate(invalid="ignore", over="ignore"):
-                here = np.floor(xyz[:, :2] / _CELL).astype(np.int64)
-            cells = np.unique(np.concatenate([cells, np.unique(here, axis=0)]), axis=0)
+            # As complex numbers: NumPy sorts them many times as fast as rows of two.
+            here = np.floor(xyz[:, :2] / _CELL).view(np.complex128)
+            cells = np.unique(np.concatenate([cells, np.unique(here)]))
         _widen(spans, chunk)
         if info.label_attribute is not None and len(codes) <= _MAX_CODES:
-            values, counts = np.unique(chunk.attributes[info.label_attribute], return_counts=True)
-            codes.update({int(v): int(c) for v, c in zip(values, counts, strict=True) if v == v})
+            column = chunk.attributes[info.label_attribute]
+            values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+            codes.update(dict(zip(map(int, values), map(int, counts), strict=True)))
         progress.advance(len(chunk))
     if np.isfinite(low).all():
         report.bounds = (tuple(low.tolist()), tuple(high.tolist()))
         report.density = (report.num_points - num_bad - num_missing) / (len(cells) * _CELL**2)
-    report.attributes = {
-        name: "no finite value" if low > high else f"{low:g} to {high:g}"
-        for name, (low, high) in spans.items()
-    }
+    report.attributes = {name: span if span[0] <= span[1] else None for name, span in spans.items()}
     used = source_columns(info.attributes)
-    varied = {ours for ours, name in used.items() if np.ptp(spans.get(name, (0, 0))) > 0}
+    varied = {ours for ours, name in used.items() if name in spans and operator.lt(*spans[name])}
     colors = bool(varied & {"red", "green", "blue", "packed"})
     report.features = ("rgb",) * colors + ("intensity",) * ("intensity" in varied)
     report.classes = dict(codes)
@@ -166,6 +176,13 @@ def _faults(
         outside = np.max([stated[0] - found[0], found[1] - stated[1]])
         if outside > _BOUNDS_TOLERANCE:
             yield f"points lie up to {outside:,.2f} outside the bounds that the header states"
+    if report.crs is not None and _FEET.search(report.crs):
+        yield "the CRS counts in feet; coordinates are taken for metres: reproject the scan first"
+
+
+def _number(value: float) -> str:
+    """A whole number in full, unless it is a no-data mark; any other in six digits."""
+    return f"{value:,.0f}" if value.is_integer() and abs(value) < 1e15 else f"{value:g}"
 
 
 def _one_line(text: str, width: int = 100) -> str:

@@ -52,7 +52,7 @@ def make_network(config: NetworkConfig) -> BushNet:
         for module in network.modules():
             if isinstance(module, torch.nn.BatchNorm1d):
                 module.momentum = 1.0
-        network(make_batch(250, seed=99, num_levels=len(config.widths)))
+        network(make_batch(600, seed=99, num_levels=len(config.widths)))
     return network.eval()
 
 

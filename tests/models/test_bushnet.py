@@ -123,3 +123,12 @@ def test_survivors_take_the_maximum_of_their_neighborhood(batch_of):
 def test_levels_must_match_the_layers(batch_of, network_of, small):
     with pytest.raises(ValueError, match="zip"):
         network_of(small())(batch_of(50, num_levels=3))
+
+
+def test_a_single_survivor_can_be_trained_on(batch_of, network_of, small):
+    network, batch = network_of(small()).train(), batch_of(5)
+    assert len(batch.levels[1].decimated) == 1
+    before = network.bottleneck.norm.running_var.clone()
+    network(batch).square().mean().backward()
+    assert all(parameter.grad.isfinite().all() for parameter in network.parameters())
+    assert torch.equal(network.bottleneck.norm.running_var, before)

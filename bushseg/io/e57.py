@@ -201,7 +201,7 @@ def _read_headers(path: Path, libe57: Any, root: Any) -> list[_Scan]:
         if node.isDefined("points") and node["points"].childCount() > 0
     ]
     if not scans:
-        found = f"{len(nodes)} scans without points" if nodes else "no scans"
+        found = "only scans without points" if nodes else "no scans"
         raise ReadError(path, found, "at least one scan with points")
     return scans
 

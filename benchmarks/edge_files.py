@@ -9,6 +9,7 @@ Markdown table; exits with 1 if a file crashed bushseg, hung it, or was read as 
 """
 
 import argparse
+import re
 import resource
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from bushseg.errors import ReadError
 MEMORY = 2 << 30
 SECONDS = 20
 _REFUSED = 3  # exit status of a child whose reader said no
+_TELLING = re.compile(r"^\S*(Error|Exception|memory)\b")  # what a stack trace says in the end
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,13 @@ def attempt(reader: str, path: Path) -> Outcome:
             run = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS)
         except subprocess.TimeoutExpired:
             return Outcome("hung", f"still running after {SECONDS} s")
-        lines = run.stderr.strip().splitlines() or [f"exit status {run.returncode}"]
         if run.returncode == 0:
             with np.load(result, allow_pickle=False) as columns:
                 return Outcome("read", columns=dict(columns))
-        return Outcome("refused" if run.returncode == _REFUSED else "crashed", lines[-1])
+        lines = run.stderr.splitlines() or [f"exit status {run.returncode}"]
+        if run.returncode == _REFUSED:
+            return Outcome("refused", lines[-1])
+        return Outcome("crashed", next(filter(_TELLING.search, lines), lines[-1]))
 
 
 def compare(ours: Outcome, theirs: Outcome) -> str:

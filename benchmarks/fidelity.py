@@ -83,7 +83,11 @@ def _converted_differences(source: Path, output: Path, scheme: ClassScheme) -> l
     dimensions = set(las.point_format.dimension_names)
     for name, values in columns.items():
         held = f"original_{name}" if f"original_{name}" in dimensions else name
-        if held not in dimensions or not np.array_equal(las[held], values):
+        # LAS colors have 16 bits: 255 becomes 65,535.
+        factors = (1, 257) if held in ("red", "green", "blue") else (1,)
+        if held not in dimensions or not any(
+            np.array_equal(las[held], values.astype(np.float64) * factor) for factor in factors
+        ):
             wrong.append(f"attribute {name}")
     return (
         wrong
@@ -101,7 +105,8 @@ def _ply_differences(source: Path, output: Path, scheme: ClassScheme) -> list[st
         if name not in after or not np.array_equal(after[name], values, equal_nan=True)
     ]
     codes = np.array([info.codes[0] for info in scheme.classes])
-    return wrong + _index_differences(after, scheme, after["label"], codes, scheme.unlabelled[0])
+    labels = after.get("predicted_label", after["label"])  # the scan may have labels of its own
+    return wrong + _index_differences(after, scheme, labels, codes, scheme.unlabelled[0])
 
 
 def _label_differences(source: Path, output: Path, scheme: ClassScheme) -> list[str]:

@@ -16,6 +16,8 @@ from bushseg.geometry import open3d
 
 Columns = dict[str, NDArray[Any]]
 
+_E57_FIELDS = ("cartesianX", "cartesianY", "cartesianZ", "cartesianInvalidState")
+
 
 def read_columns(path: Path) -> Columns:
     """Read a scan.
@@ -82,9 +84,12 @@ def _read_e57(path: Path) -> Columns:
         with pye57.E57(str(copy)) as file:
             for index in range(file.scan_count):
                 header = file.get_header(index)
-                scan = file.read_scan_raw(index, ignore_unsupported_fields=True)
-                xyz = _stack(scan, [f"cartesian{axis}" for axis in "XYZ"])
-                xyz[scan.get("cartesianInvalidState", np.zeros(len(xyz))) != 0] = np.nan
+                # Not all fields: pye57 can't hold 16-bit colors.
+                fields = [name for name in _E57_FIELDS if name in header.point_fields]
+                scan, buffers = file.make_buffers(fields, header.point_count)
+                header.points.reader(buffers).read()
+                xyz = _stack(scan, _E57_FIELDS[:3])
+                xyz[scan.get(_E57_FIELDS[3], np.zeros(len(xyz))) != 0] = np.nan
                 if header.has_pose():
                     xyz = xyz @ header.rotation_matrix.T + header.translation
                 clouds.append(xyz)

@@ -16,6 +16,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from bushseg.errors import CacheError
+from bushseg.features import FEATURES
 from bushseg.files import atomic_path
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import TileData
@@ -69,7 +70,7 @@ def read_json(path: Path) -> dict[str, Any]:
         values = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise CacheError(f"{path}: missing; run `bushseg prepare` first") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # numbers and depth without end, too
         raise CacheError(f"{path}: can't be read ({error}); run `bushseg prepare` again") from error
     if not isinstance(values, dict) or values.get("version") != FORMAT_VERSION:
         found = values.get("version") if isinstance(values, dict) else "no manifest"
@@ -86,7 +87,8 @@ def member(folder: Path, name: object) -> Path:
         CacheError: The name is no plain relative path inside the folder.
     """
     path = folder / str(name)
-    if not isinstance(name, str) or not path.resolve().is_relative_to(folder.resolve()):
+    plain = isinstance(name, str) and "\0" not in name
+    if not plain or not path.resolve().is_relative_to(folder.resolve()):
         raise CacheError(f"{folder}: its manifest names {name!r}, which lies outside the folder")
     return path
 
@@ -105,7 +107,7 @@ def load_tensors(path: Path) -> dict[str, NDArray[Any]]:
     """
     try:
         tensors: dict[str, NDArray[Any]] = load_file(path)
-    except (OSError, SafetensorError, ValueError) as error:
+    except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
         raise CacheError(f"{path}: can't be read ({error}); run `bushseg prepare` again") from error
     return tensors
 
@@ -128,25 +130,25 @@ def pyramid_from_tensors(tensors: Mapping[str, NDArray[Any]], num_points: int) -
     Raises:
         CacheError: A level is missing, or an index points past its level.
     """
-    parts: dict[str, list[NDArray[np.int32]]] = {
-        "neighbors": [],
-        "decimated": [],
-        "interpolated": [],
-    }
-    level, size = 0, num_points
-    while f"neighbors.{level}" in tensors:
+    levels: list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]] = []
+    size = num_points
+    while f"neighbors.{len(levels)}" in tensors:
+        names = [f"{name}.{len(levels)}" for name in ("neighbors", "decimated", "interpolated")]
         try:
-            for name, column in parts.items():
-                column.append(tensors[f"{name}.{level}"].astype(np.int32))
+            neighbors, decimated, interpolated = (tensors[name] for name in names)
         except KeyError as error:
             raise CacheError(f"a cached tile lacks {error}; run `bushseg prepare` again") from error
-        neighbors, decimated, interpolated = (column[-1] for column in parts.values())
-        below = len(decimated)
-        _check_indices(neighbors, size, size)
+        below = decimated.size
+        _check_indices(neighbors, size, size, neighbors.size // max(size, 1))
         _check_indices(decimated, size, below)
         _check_indices(interpolated, below, size)
-        level, size = level + 1, below
-    return Pyramid(*(tuple(column) for column in parts.values()))
+        levels.append((neighbors, decimated, interpolated))
+        size = below
+    return Pyramid(
+        neighbors=tuple(level[0].astype(np.int32) for level in levels),
+        decimated=tuple(level[1].astype(np.int32) for level in levels),
+        interpolated=tuple(level[2].astype(np.int32) for level in levels),
+    )
 
 
 def save_tile(path: Path, tile: TileData) -> None:
@@ -173,29 +175,41 @@ def load_tile(path: Path) -> TileData:
     """
     tensors = load_tensors(path)
     prefix = "features."
-    features = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+    features = [name.removeprefix(prefix) for name in tensors if name.startswith(prefix)]
+
+    def take(name: str, dtype: type[np.generic], *shape: int) -> NDArray[Any]:
+        column = tensors[name]
+        if column.dtype != dtype or column.shape != shape:
+            raise CacheError(
+                f"{path}: {name} is {column.shape} {column.dtype}, expected {shape} "
+                f"{np.dtype(dtype)}; run `bushseg prepare` again"
+            )
+        return column
+
     try:
-        xyz = tensors["xyz"]
-        per_point = [tensors[name] for name in ("is_core", "keys", "normals", "labels", "counts")]
-        if any(len(column) != len(xyz) for column in (*per_point, *features.values())):
-            raise CacheError(f"{path}: columns differ in length; run `bushseg prepare` again")
-        is_core, keys, normals, labels, counts = per_point
+        size = tensors["keys"].size
         return TileData(
-            origin=tensors["origin"],
-            indices=np.arange(len(xyz)),
-            is_core=is_core,
-            keys=keys,
-            xyz=xyz,
-            normals=normals,
-            features=features,
-            labels=labels,
-            counts=counts,
-            pyramid=pyramid_from_tensors(tensors, len(xyz)),
+            origin=take("origin", np.float64, 3),
+            indices=np.arange(size),
+            is_core=take("is_core", np.bool_, size),
+            keys=take("keys", np.int64, size),
+            xyz=take("xyz", np.float32, size, 3),
+            normals=take("normals", np.float32, size, 3),
+            features={
+                name: take(prefix + name, np.float32, size, FEATURES[name]) for name in features
+            },
+            labels=take("labels", np.int16, size),
+            counts=take("counts", np.int32, size),
+            pyramid=pyramid_from_tensors(tensors, size),
         )
     except KeyError as error:
-        raise CacheError(f"{path}: lacks {error}; run `bushseg prepare` again") from error
+        raise CacheError(
+            f"{path}: lacks or doesn't know {error}; run `bushseg prepare` again"
+        ) from error
 
 
-def _check_indices(indices: NDArray[np.int32], limit: int, rows: int) -> None:
-    if len(indices) != rows or (indices.size and not 0 <= indices.min() <= indices.max() < limit):
+def _check_indices(indices: NDArray[Any], limit: int, *shape: int) -> None:
+    """Check before the cast: a float or a wide integer would wrap into range."""
+    fits = indices.dtype in (np.uint16, np.int32) and indices.shape == shape
+    if not fits or (indices.size and not 0 <= indices.min() <= indices.max() < limit):
         raise CacheError("a cached tile's indices don't fit; run `bushseg prepare` again")

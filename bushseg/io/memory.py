@@ -34,3 +34,7 @@ class MemoryReader(ScanReader):
             rows = slice(start, start + size)
             columns = {name: column[rows] for name, column in self._cloud.attributes.items()}
             yield PointCloud(self._cloud.xyz[rows], columns)
+
+    def read(self) -> PointCloud:
+        """The points themselves."""
+        return self._cloud

@@ -1,0 +1,265 @@
+"""Tensors on disk: what is written comes back bit by bit; what was tampered with is refused."""
+
+import json
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from safetensors.numpy import load_file, save_file
+
+from bushseg import cache
+from bushseg.cache import (
+    fingerprint,
+    identity,
+    load_tensors,
+    load_tile,
+    member,
+    pyramid_from_tensors,
+    pyramid_tensors,
+    read_json,
+    save_tensors,
+    save_tile,
+    write_json,
+)
+from bushseg.errors import CacheError
+from bushseg.pyramid import build_pyramid
+from bushseg.tile_data import TileData
+
+
+def make_tile(count: int = 50, seed: int = 0) -> TileData:
+    rng = np.random.default_rng(seed)
+    xyz = rng.normal(size=(count, 3)).astype(np.float32)
+    keys = np.sort(rng.choice(10**12, count, replace=False))
+    return TileData(
+        origin=np.array([6_600_000.25, -0.1, 3.0]),
+        indices=np.arange(count),
+        is_core=rng.random(count) < 0.7,
+        keys=keys,
+        xyz=xyz,
+        normals=rng.normal(size=(count, 3)).astype(np.float32),
+        features={
+            "rgb": rng.random((count, 3)).astype(np.float32),
+            "height": rng.random((count, 1)).astype(np.float32),
+        },
+        labels=rng.integers(-1, 5, count).astype(np.int16),
+        counts=rng.integers(1, 9, count).astype(np.int32),
+        pyramid=build_pyramid(
+            xyz, keys, num_neighbors=4, num_levels=2, decimation=4, sampling="mrs", seed=0
+        ),
+    )
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "tile.safetensors"
+    save_tile(path, make_tile())
+    return path
+
+
+@pytest.mark.parametrize("count", [1, 3, 300])
+def test_a_tile_comes_back_bit_by_bit(tmp_path: Path, count: int) -> None:
+    tile = make_tile(count)
+    save_tile(tmp_path / "tile.safetensors", tile)
+    loaded = load_tile(tmp_path / "tile.safetensors")
+    columns = ("origin", "indices", "is_core", "keys", "xyz", "normals", "labels", "counts")
+    pairs = [(getattr(tile, name), getattr(loaded, name)) for name in columns]
+    pairs += [(tile.features[name], loaded.features[name]) for name in tile.features]
+    for part in ("neighbors", "decimated", "interpolated"):
+        pairs += zip(getattr(tile.pyramid, part), getattr(loaded.pyramid, part), strict=True)
+    for ours, theirs in pairs:
+        assert ours.dtype == theirs.dtype
+        assert ours.shape == theirs.shape
+        assert ours.tobytes() == theirs.tobytes()
+    assert loaded.features.keys() == tile.features.keys()
+
+
+@pytest.mark.parametrize(("count", "dtype"), [(2**16, np.uint16), (2**16 + 1, np.int32)])
+def test_indices_take_two_bytes_as_long_as_they_fit(count: int, dtype: type) -> None:
+    xyz = np.random.default_rng(0).random((count, 3)).astype(np.float32)
+    pyramid = build_pyramid(
+        xyz,
+        np.arange(count),
+        num_neighbors=1,
+        num_levels=1,
+        decimation=16,
+        sampling="random",
+        seed=0,
+    )
+    tensors = pyramid_tensors(pyramid)
+    assert tensors["neighbors.0"].dtype == dtype
+    again = pyramid_from_tensors(tensors, count)
+    np.testing.assert_array_equal(again.neighbors[0], pyramid.neighbors[0])
+
+
+N = 50
+CHANGES: dict[str, dict[str, Any]] = {
+    "scalar positions": {"xyz": np.array(3, np.float32)},
+    "flat positions": {"xyz": np.zeros((N, 2), np.float32)},
+    "double positions": {"xyz": np.zeros((N, 3))},
+    "too few positions": {"xyz": np.zeros((N - 1, 3), np.float32)},
+    "float mask": {"is_core": np.ones(N)},
+    "too many labels": {"labels": np.zeros(N + 1, np.int16)},
+    "a short origin": {"origin": np.zeros(2)},
+    "scalar keys": {"keys": np.array(1)},
+    "a narrow feature": {"features.rgb": np.zeros((N, 2), np.float32)},
+    "an unknown feature": {"features.smell": np.zeros((N, 1), np.float32)},
+    "a neighbor past the end": {"neighbors.0": np.full((N, 4), N, np.uint16)},
+    "a negative neighbor": {"neighbors.0": np.full((N, 4), -1, np.int32)},
+    "a neighbor that would wrap": {"neighbors.0": np.full((N, 4), 2**32, np.int64)},
+    "neighbors that are no numbers": {"neighbors.0": np.full((N, 4), np.nan)},
+    "neighbors without K": {"neighbors.0": np.zeros(N, np.uint16)},
+    "scalar neighbors": {"neighbors.0": np.array(0, np.uint16)},
+    "neighbors of other rows": {"neighbors.0": np.zeros((N - 1, 4), np.uint16)},
+    "a survivor past the end": {"decimated.0": np.full(12, N, np.uint16)},
+    "too few interpolated": {"interpolated.0": np.zeros(3, np.uint16)},
+    "interpolated past the end": {"interpolated.0": np.full(N, 40, np.uint16)},
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_tile_that_does_not_fit_itself_is_refused(saved: Path, change: str) -> None:
+    save_file(load_file(saved) | CHANGES[change], saved)
+    with pytest.raises(CacheError, match="prepare"):
+        load_tile(saved)
+
+
+@pytest.mark.parametrize(
+    "name", ["xyz", "keys", "labels", "origin", "decimated.0", "interpolated.1"]
+)
+def test_a_tile_that_lacks_a_column_is_refused(saved: Path, name: str) -> None:
+    tensors = load_file(saved)
+    del tensors[name]
+    save_file(tensors, saved)
+    with pytest.raises(CacheError, match=name):
+        load_tile(saved)
+
+
+def test_a_pickle_is_never_opened(tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(tmp_path / "exploded"),)
+
+    path = tmp_path / "tile.safetensors"
+    path.write_bytes(pickle.dumps({"xyz": Bomb()}))
+    with pytest.raises(CacheError, match="can't be read"):
+        load_tile(path)
+    assert not (tmp_path / "exploded").exists()
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CacheError, match=r"nothing\.safetensors"):
+        load_tile(tmp_path / "nothing.safetensors")
+    with pytest.raises(CacheError, match="run `bushseg prepare` first"):
+        read_json(tmp_path / "manifest.json")
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_a_cut_or_flipped_file_is_refused_or_still_fits(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "damaged.safetensors"
+    save_tile(path, make_tile(8))
+    content = bytearray(path.read_bytes())
+    if data.draw(st.booleans()):
+        path.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
+        with pytest.raises(CacheError):
+            load_tile(path)
+        return
+    # The header is where damage could do harm; a flipped value in a column can't be told.
+    position = data.draw(st.integers(0, 900))
+    content[position] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(content)
+    try:
+        tile = load_tile(path)
+    except CacheError:
+        return
+    assert tile.pyramid.neighbors[0].max() < len(tile)
+
+
+def test_types_numpy_lacks_are_refused(tmp_path: Path) -> None:
+    header = json.dumps({"xyz": {"dtype": "BF16", "shape": [1], "data_offsets": [0, 2]}}).encode()
+    path = tmp_path / "tile.safetensors"
+    path.write_bytes(len(header).to_bytes(8, "little") + header + b"\0\0")
+    with pytest.raises(CacheError):
+        load_tensors(path)
+
+
+def test_strided_tensors_are_written_as_they_read(tmp_path: Path) -> None:
+    table = np.arange(12).reshape(3, 4)
+    save_tensors(tmp_path / "t.safetensors", {"turned": table.T, "every other": table[:, ::2]})
+    loaded = load_tensors(tmp_path / "t.safetensors")
+    np.testing.assert_array_equal(loaded["turned"], table.T)
+    np.testing.assert_array_equal(loaded["every other"], table[:, ::2])
+
+
+def test_a_manifest_comes_back(tmp_path: Path) -> None:
+    values = {"version": cache.FORMAT_VERSION, "name": "Grünfläche", "tiles": [1, 2]}
+    write_json(tmp_path / "deep" / "manifest.json", values)
+    assert read_json(tmp_path / "deep" / "manifest.json") == values
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\xff\xfe",
+        b"{",
+        b"[]",
+        b"3",
+        b"{}",
+        b'{"version": 999}',
+        b'{"version": "1"}',
+        b"[" * 100_000,
+        b'{"version": ' + b"1" * 5000 + b"}",
+    ],
+)
+def test_a_foreign_manifest_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_bytes(content)
+    with pytest.raises(CacheError, match="again"):
+        read_json(path)
+
+
+@pytest.mark.parametrize(
+    "name", ["../other", "/etc/passwd", "a/../../b", "..", "a\0b", None, 3, ["a"]]
+)
+def test_a_path_that_climbs_out_is_refused(tmp_path: Path, name: object) -> None:
+    with pytest.raises(CacheError, match="outside"):
+        member(tmp_path, name)
+
+
+def test_a_link_that_leads_out_is_refused(tmp_path: Path) -> None:
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "link").symlink_to(tmp_path)
+    with pytest.raises(CacheError, match="outside"):
+        member(inside, "link/secret")
+    assert member(inside, "scans/a") == inside / "scans" / "a"
+
+
+def test_fingerprints_follow_values_and_not_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = fingerprint({"a": 1, "b": [0.1, None]})
+    assert first == fingerprint({"b": [0.1, None], "a": 1})
+    assert first != fingerprint({"a": 1, "b": [0.1, 0]})
+    monkeypatch.setattr(cache, "FORMAT_VERSION", cache.FORMAT_VERSION + 1)
+    assert first != fingerprint({"a": 1, "b": [0.1, None]})
+
+
+def test_identity_tells_a_changed_file(tmp_path: Path) -> None:
+    path = tmp_path / "scan.las"
+    path.write_bytes(b"a" * 200_000)
+    os.utime(path, ns=(1, 1))
+    first = identity(path)
+    assert identity(path) == first
+    os.utime(path, ns=(2, 2))
+    assert identity(path) != first
+    # Same size, same time, other last byte.
+    path.write_bytes(b"a" * 199_999 + b"b")
+    os.utime(path, ns=(1, 1))
+    assert identity(path) != first

@@ -197,6 +197,8 @@ class Dataset:
         rng = np.random.default_rng(config.seed)
         if how.startswith("scan:"):
             wanted = [self._scan(name.strip()) for name in how.removeprefix("scan:").split(",")]
+            if bare := [self.scans[scan] for scan in wanted if not self._labelled[scan]]:
+                raise ConfigError(f"validation names {bare[0]}, which has no labels to judge by")
         elif how == "none" or (how == "auto" and len(usable) < 2):
             wanted = []
         elif how == "auto" and len(scans) > 1:

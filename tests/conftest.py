@@ -1,5 +1,6 @@
 """A tiny site with exact labels, prepared once and learnt once, for all tests that need a model."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 
 from bushseg.config import AugmentConfig, Config, NetworkConfig, PrepareConfig, TrainConfig
+
+# Networks this small lose more by threads that wait for each other than they gain.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 EDGE = 8.0
 GROUND, BUSH, WALL = 2, 4, 6

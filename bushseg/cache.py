@@ -6,7 +6,7 @@ may not climb out of their folder.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ from bushseg.tile_data import TileData
 
 FORMAT_VERSION = 2
 """Changes whenever prepared data of one version would be misread by another."""
+
+KEY_DIGITS = 16
+"""Hexadecimal digits of a :func:`fingerprint`, which names folders."""
 
 _EDGE_BYTES = 65_536
 _UINT16 = 2**16
@@ -51,7 +54,7 @@ def identity(path: Path) -> dict[str, Any]:
 def fingerprint(values: Mapping[str, Any]) -> str:
     """A short hash of anything JSON can hold, the format version included."""
     text = json.dumps({"version": FORMAT_VERSION, **values}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
 
 
 def write_json(path: Path, values: Mapping[str, Any]) -> None:
@@ -78,6 +81,24 @@ def read_json(path: Path) -> dict[str, Any]:
             f"{path}: version {found}; expected {FORMAT_VERSION}, run `bushseg prepare` again"
         )
     return values
+
+
+def read_finished(path: Path, file_name: Callable[[int], str]) -> dict[str, Any] | None:
+    """Read a manifest if all that it lists is there.
+
+    Args:
+        path: The manifest; its "tiles" has an entry for each file beside it.
+        file_name: Name of the file of an entry.
+
+    Returns:
+        The manifest, or None where it is missing or damaged, or a file is missing.
+    """
+    try:
+        manifest = read_json(path)
+        files = [path.with_name(file_name(number)) for number in range(len(manifest["tiles"]))]
+    except (CacheError, KeyError, TypeError):
+        return None
+    return manifest if all(file.exists() for file in files) else None
 
 
 def member(folder: Path, name: object) -> Path:

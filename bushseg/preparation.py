@@ -21,18 +21,19 @@ import numpy as np
 
 from bushseg.cache import (
     FORMAT_VERSION,
+    KEY_DIGITS,
     fingerprint,
     identity,
     load_tile,
     pyramid_tensors,
-    read_json,
+    read_finished,
     save_tensors,
     save_tile,
     write_json,
 )
 from bushseg.config import PrepareConfig
 from bushseg.crops import CropSampler, class_weights, enough_crops
-from bushseg.errors import CacheError, DataError
+from bushseg.errors import DataError
 from bushseg.features import FEATURES
 from bushseg.io import find_scans, label_sidecar, open_scan
 from bushseg.labels import load_scheme
@@ -46,17 +47,8 @@ from bushseg.tiling import Tiling
 DATASET = "dataset.json"
 MANIFEST = "manifest.json"
 
-_TILE_SETTINGS = (
-    "voxel_size",
-    "label_field",
-    "num_neighbors",
-    "num_levels",
-    "decimation",
-    "sampling",
-    "tile_points",
-    "halo",
-    "seed",
-)
+# Tiles follow from every other setting; of the scheme its content counts, not its name.
+_CROP_SETTINGS = {"crop_points", "num_crops"}
 
 
 def tile_name(number: int) -> str:
@@ -134,25 +126,24 @@ def prepare(
     for path in scans:
         key = _scan_key(path, config, scheme)
         place = folder / "scans" / f"{path.name.split('.')[0][:60]}-{key}"
-        try:
-            manifest = read_json(place / MANIFEST)
-        except CacheError:
+        manifest = read_finished(place / MANIFEST, tile_name)
+        if manifest is None:
             manifest = _prepare_scan(path, place, config, scheme, progress)
             num_redone += 1
         manifests.append({**manifest, "folder": f"scans/{place.name}"})
     crops_key = fingerprint(
         {
             "scans": [manifest["folder"] for manifest in manifests],
-            "crop_points": config.crop_points,
-            "num_crops": config.num_crops,
+            **config.model_dump(mode="json", include=_CROP_SETTINGS),
         }
     )
     crops = folder / f"crops-{crops_key}"
     tiles = [tile for manifest in manifests for tile in manifest["tiles"]]
     class_counts = np.sum([tile["class_counts"] for tile in tiles], axis=0)
-    crops_redone = not (crops / MANIFEST).exists()
-    if crops_redone:
-        _draw_crops(folder, crops, manifests, class_counts, config, progress)
+    drawn = read_finished(crops / MANIFEST, crop_name)
+    crops_redone = drawn is None
+    if drawn is None:
+        drawn = _draw_crops(folder, crops, manifests, class_counts, config, progress)
     features = [manifest["features"] for manifest in manifests]
     dataset = {
         "version": FORMAT_VERSION,
@@ -170,7 +161,7 @@ def prepare(
         num_scans=len(scans),
         num_redone=num_redone,
         num_tiles=len(tiles),
-        num_crops=read_json(crops / MANIFEST)["num_crops"],
+        num_crops=len(drawn["tiles"]),
         crops_redone=crops_redone,
         num_points=sum(manifest["num_points"] for manifest in manifests),
         num_voxels=sum(tile["core_size"] for tile in tiles),
@@ -182,7 +173,7 @@ def prepare(
 
 def _scan_key(path: Path, config: PrepareConfig, scheme: ClassScheme) -> str:
     """Hash of all that a scan's tiles follow from."""
-    settings = config.model_dump(mode="json", include=set(_TILE_SETTINGS))
+    settings = config.model_dump(mode="json", exclude=_CROP_SETTINGS | {"scheme"})
     sidecar = label_sidecar(path)
     files = [identity(file) for file in (path, sidecar) if file is not None]
     return fingerprint(
@@ -233,7 +224,7 @@ def _draw_crops(
     class_counts: np.ndarray[Any, np.dtype[np.int64]],
     config: PrepareConfig,
     progress: Progress,
-) -> None:
+) -> dict[str, Any]:
     """Draw crops over all tiles by MRS and write them with the indices of all levels."""
     files = [
         folder / manifest["folder"] / tile_name(number)
@@ -266,9 +257,9 @@ def _draw_crops(
         save_tensors(crops / crop_name(number), tensors)
         tiles.append(crop.tile)
         progress.advance(1)
-    write_json(
-        crops / MANIFEST, {"version": FORMAT_VERSION, "num_crops": num_crops, "tiles": tiles}
-    )
+    manifest = {"version": FORMAT_VERSION, "num_crops": num_crops, "tiles": tiles}
+    write_json(crops / MANIFEST, manifest)
+    return manifest
 
 
 def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Iterable[str]:
@@ -294,8 +285,9 @@ def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Itera
 
 
 def _remove_stale(folder: Path, scans: Sequence[str], crops: str) -> None:
-    """Remove what earlier runs made and nothing names any more."""
+    """Remove what earlier runs made and nothing names any more; what bears no key isn't ours."""
     keep = {folder / name for name in scans} | {folder / crops}
-    for path in (*(folder / "scans").iterdir(), *folder.glob("crops-*")):
+    key = "-" + "[0-9a-f]" * KEY_DIGITS
+    for path in (*folder.glob(f"scans/*{key}"), *folder.glob(f"crops{key}")):
         if path.is_dir() and path not in keep:
             shutil.rmtree(path)

@@ -15,7 +15,7 @@ from bushseg.scan import mask_no_returns, read_voxels
 
 BUSH = SCHEMES["bush"]
 OFFSET = np.array([1e6, 6.6e6, 50])
-XYZ = OFFSET + [[0.1, 0, 0], [0.12, 0, 0], [5, 0, 0], [np.nan, 0, 0], [0, 0, 0]]
+XYZ = OFFSET + np.array([[0.1, 0, 0], [0.12, 0, 0], [5, 0, 0], [np.nan, 0, 0], [0, 0, 0]])
 
 
 class Chunked(MemoryReader):

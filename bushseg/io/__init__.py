@@ -183,24 +183,28 @@ def find_scans(paths: Iterable[str | Path]) -> list[Path]:
     scans. A file named outright is always taken.
 
     Returns:
-        Files in the order given, each once.
+        Files in the order given, each once however often and by whatever path it was given.
 
     Raises:
         ReadError: A path doesn't exist, a named file's suffix is unknown, or a folder has no scans.
     """
-    found: dict[Path, None] = {}
+    found: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
             inside = list(_scans_in(path))
             if not inside:
                 raise ReadError(path, "a folder without scans", "files of " + ", ".join(SUFFIXES))
-            found.update(dict.fromkeys(inside))
+            found += inside
         else:
             if not path.exists():
                 raise ReadError(path, "no such file", "an existing scan; check the spelling")
             _reader_of(path)
-            found[path] = None
-    return list(found)
+            found.append(path)
+    # By what a path leads to: one scan taken for two could both teach and judge.
+    unique: dict[Path, Path] = {}
+    for path in found:
+        unique.setdefault(path.resolve(), path)
+    return list(unique.values())
 
 
 def _reader_of(path: Path) -> Callable[[Path], ScanReader]:

@@ -130,28 +130,31 @@ def test_a_second_run_does_nothing(tmp_path: Path, site: Path) -> None:
     assert second.num_crops == first.num_crops
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"voxel_size": 0.3},
-        {"halo": 32},
-        {"tile_points": 2_000},
-        {"num_neighbors": 9},
-        {"num_levels": 1},
-        {"decimation": 3},
-        {"sampling": "random"},
-        {"seed": 1},
-        {"scheme": "asprs"},
-    ],
-)
-def test_a_changed_setting_redoes_all_it_touches(
-    tmp_path: Path, site: Path, changes: dict[str, object]
-) -> None:
+def test_a_changed_setting_redoes_all_it_touches(tmp_path: Path, site: Path) -> None:
     before = snapshot(run(tmp_path, site).folder)
-    result = run(tmp_path, site, **changes)
-    after = snapshot(result.folder)
-    assert (result.num_redone, result.crops_redone) == (2, True)
-    assert not before.keys() & after.keys()
+    changes: dict[str, object] = {
+        "voxel_size": 0.3,
+        "halo": 32,
+        "tile_points": 2_000,
+        "num_neighbors": 9,
+        "num_levels": 1,
+        "decimation": 3,
+        "sampling": "random",
+        "seed": 1,
+        "scheme": "asprs",
+    }
+    # Every setting there is, lest a new one be forgotten.
+    assert PrepareConfig.model_fields.keys() - changes.keys() == {
+        "label_field",
+        "crop_points",
+        "num_crops",
+    }
+    for name, value in changes.items():
+        result = run(tmp_path, site, **{name: value})
+        after = snapshot(result.folder)
+        assert (result.num_redone, result.crops_redone) == (2, True), name
+        assert not before.keys() & after.keys(), name
+        before = after
 
 
 @pytest.mark.parametrize(("name", "value"), [("crop_points", 300), ("num_crops", 4)])
@@ -176,6 +179,27 @@ def test_a_changed_scan_is_redone_alone(tmp_path: Path, site: Path) -> None:
     kept = before.keys() & after.keys()
     assert kept == {path for path in before if path.startswith("scans/yard")}
     assert all(before[path] == after[path] for path in kept)
+
+
+def test_changed_labels_beside_a_scan_redo_it(tmp_path: Path) -> None:
+    xyz = np.random.default_rng(0).random((300, 3)) * [6, 6, 0]
+    rows = np.column_stack([xyz, np.zeros((300, 4))])
+    np.savetxt(tmp_path / "site.txt", rows, fmt="%.3f %.3f %.3f %d %d %d %d")
+    labels = tmp_path / "site.labels"
+    labels.write_text("2\n" * 300)
+    assert run(tmp_path, tmp_path / "site.txt").class_counts["bush"] == 0
+    labels.write_text("4\n" * 300)
+    result = run(tmp_path, tmp_path / "site.txt")
+    assert result.num_redone == 1
+    assert result.class_counts["bush"] == result.num_voxels
+
+
+def test_a_scan_given_twice_counts_once(
+    tmp_path: Path, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(site)
+    result = run(tmp_path, site / "yard.las", Path("yard.las"), site / ".." / "site" / "yard.las")
+    assert (result.num_scans, result.num_points) == (1, 1_500)
 
 
 def test_a_scan_taken_out_leaves_nothing_behind(tmp_path: Path, site: Path) -> None:

@@ -65,12 +65,17 @@ class TrainingState:
 
 def generator(*numbers: int) -> np.random.Generator:
     """A generator for one purpose, named by numbers such as (seed, epoch, step)."""
-    return np.random.default_rng(numbers)
+    return np.random.default_rng(_named(numbers))
 
 
 def torch_seed(*numbers: int) -> int:
     """A seed for torch, named likewise."""
-    return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0] >> 1)
+    return int(np.random.SeedSequence(_named(numbers)).generate_state(1, np.uint64)[0] >> 1)
+
+
+def _named(numbers: tuple[int, ...]) -> tuple[int, ...]:
+    """Put the length first: to numpy's seeds (1,) and (1, 0) are the same."""
+    return (len(numbers), *numbers)
 
 
 def optimizer_tensors(network: BushNet, optimizer: torch.optim.Adam) -> dict[str, Tensor]:

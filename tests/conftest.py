@@ -9,7 +9,7 @@ import laspy
 import numpy as np
 import pytest
 
-from bushseg.config import AugmentConfig, Config, NetworkConfig, PrepareConfig, TrainConfig
+from bushseg.config import Config, NetworkConfig, PrepareConfig, TrainConfig
 
 # Networks this small lose more by threads that wait for each other than they gain.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -86,7 +86,7 @@ def make_config(**train: object) -> Config:
             num_crops=16,
         ),
         network=NetworkConfig(widths=(8, 16), head_widths=(8, 8), dropout=0.1),
-        train=TrainConfig(augment=AugmentConfig(), **(settings | train)),
+        train=TrainConfig(**(settings | train)),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plyfile import PlyData, PlyElement
 
-from bushseg.cache import load_tensors, load_tile, pyramid_from_tensors, read_json, write_json
+from bushseg.cache import load_tensors, load_tile, pyramid_from_tensors, read_json
 from bushseg.config import PrepareConfig
 from bushseg.errors import ConfigError, DataError, ReadError, SchemeError
 from bushseg.preparation import DATASET, PrepareResult, crop_name, prepare, tile_name
@@ -262,13 +262,6 @@ def test_damaged_manifests_are_made_again(tmp_path: Path, site: Path, content: s
     second = run(tmp_path, site)
     assert (second.num_redone, second.crops_redone) == (2, True)
     assert second.class_counts == first.class_counts
-
-
-def test_another_format_version_is_made_again(tmp_path: Path, site: Path) -> None:
-    first = run(tmp_path, site)
-    for manifest in first.folder.rglob("manifest.json"):
-        write_json(manifest, {**read_json(manifest), "version": -1})
-    assert run(tmp_path, site).num_redone == 2
 
 
 def test_scans_without_labels_or_colors_are_prepared_and_named(

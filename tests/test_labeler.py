@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from bushseg.config import PredictConfig
+from bushseg.errors import DataError
+from bushseg.io import open_scan
+from bushseg.labeler import check_features, domain_warnings, label_tiles
+from bushseg.scan import VoxelScan, read_voxels
+
+
+@pytest.fixture(scope="module")
+def scan(scans, model) -> VoxelScan:
+    with open_scan(scans / "south.las") as reader:
+        return read_voxels(reader, model.card.prepare.voxel_size)
+
+
+def without(scan: VoxelScan, *names: str) -> VoxelScan:
+    kept = {name: columns for name, columns in scan.features.items() if name not in names}
+    return VoxelScan(scan.voxels, kept, None, scan.num_points, 0, {})
+
+
+@pytest.mark.parametrize("tile_points", [1000, 100_000])
+def test_cores_cover_every_voxel_once(model, scan, tile_points):
+    tiles = list(label_tiles(model, scan, PredictConfig(tile_points=tile_points)))
+    assert (len(tiles) == 1) == (tile_points == 100_000)
+    indices = np.concatenate([tile.indices for tile in tiles])
+    assert np.sort(indices).tolist() == list(range(len(scan.voxels)))
+    for tile in tiles:
+        assert tile.probabilities.shape == (len(tile.indices), 7)
+        np.testing.assert_allclose(tile.probabilities.sum(axis=1), 1, rtol=1e-5)
+        assert tile.num_seen >= len(tile.indices)
+
+
+def test_one_tile_sees_each_voxel_once(model, scan):
+    (tile,) = label_tiles(model, scan, PredictConfig())
+    assert tile.num_seen == len(scan.voxels)
+
+
+def test_the_halo_asked_for_is_the_one_used(model, scan):
+    seen = [
+        sum(t.num_seen for t in label_tiles(model, scan, PredictConfig(tile_points=1000, halo=h)))
+        for h in (0, 16, 64)
+    ]
+    assert seen[0] == len(scan.voxels)
+    assert seen[0] < seen[1] < seen[2]
+    default = sum(t.num_seen for t in label_tiles(model, scan, PredictConfig(tile_points=1000)))
+    assert default == seen[1]  # the model's data were prepared with 16
+
+
+def test_a_missing_feature_that_is_optional(model, scan):
+    bare = without(scan, "rgb", "intensity")
+    check_features(model, bare)
+    (warning,) = domain_warnings(model, bare, model.card.neighbor_distance[0])
+    assert "no rgb and no intensity" in warning
+    assert next(label_tiles(model, bare, PredictConfig())).num_seen == len(scan.voxels)
+
+
+def test_a_missing_feature_that_is_needed(model, scan):
+    with pytest.raises(DataError, match=r"needs rgb, intensity, height.*has rgb, intensity:"):
+        next(label_tiles(model, without(scan, "height"), PredictConfig()))
+
+
+@pytest.mark.parametrize(
+    ("factor", "word"), [(0.5, "denser"), (0.9, None), (1.1, None), (2.0, "sparser")]
+)
+def test_density_outside_training(model, scan, factor, word):
+    low, high = model.card.neighbor_distance
+    warnings = domain_warnings(model, scan, factor * (low if factor < 1 else high))
+    assert len(warnings) == (word is not None)
+    assert all(word in warning for warning in warnings)

@@ -8,6 +8,8 @@ morphological filter", 2003, in one step. It is a feature for the network, not a
 under a roof wider than the window it follows the roof.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -21,7 +23,12 @@ WINDOW = 21.0
 PIT_DEPTH = 2.0
 """A cell this much below everything around it, in metres, is no ground."""
 
+PATCH = 64.0
+"""Edge of the blocks, metres, by which far-apart parts of a scan are told apart; over a window."""
+
 _MAX_CELLS = 16_000_000
+_MIN_CELLS = 65_536
+_CELLS_PER_POINT = 8  # a raster much finer than its points only repeats them
 
 
 def height_above_ground(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -34,11 +41,45 @@ def height_above_ground(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
     Returns:
         Metres, shape (N,), float32.
     """
-    if not len(xyz):
-        return np.empty(0, dtype=np.float32)
+    heights = np.empty(len(xyz), dtype=np.float32)
+    for members in _patches(xyz[:, :2]):
+        heights[members] = _heights(xyz[members])
+    return heights
+
+
+def _patches(xy: NDArray[np.float64]) -> Iterator[slice | NDArray[np.intp]]:
+    """Split a scan that leaves most of its rectangle empty into its connected parts.
+
+    A stray return kilometres away would otherwise stretch the raster over nothing.
+    """
+    if not len(xy):
+        return
+    if _num_cells(xy, CELL) <= _CELLS_PER_POINT * len(xy):
+        yield slice(None)
+        return
+    patch = PATCH
+    while _num_cells(xy, patch) > _MAX_CELLS:
+        patch *= 2
+    blocks = np.floor(xy / patch).astype(np.int64)
+    blocks -= blocks.min(axis=0)
+    occupied = np.zeros(blocks.max(axis=0) + 1, dtype=bool)
+    occupied[tuple(blocks.T)] = True
+    parts, _ = ndimage.label(occupied, structure=np.ones((3, 3)))
+    part = parts[tuple(blocks.T)]
+    order = np.argsort(part, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(part[order])) + 1)
+
+
+def _num_cells(xy: NDArray[np.float64], cell: float) -> float:
+    """Cells of a raster over the points, at most."""
+    return float(np.prod(np.floor(np.ptp(xy, axis=0) / cell) + 2))
+
+
+def _heights(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Heights of one connected part, as :func:`height_above_ground`."""
+    limit = min(_MAX_CELLS, max(_MIN_CELLS, _CELLS_PER_POINT * len(xyz)))
     cell = CELL
-    extent = np.ptp(xyz[:, :2], axis=0)
-    while np.prod(np.floor(extent / cell) + 2) > _MAX_CELLS:
+    while _num_cells(xyz[:, :2], cell) > limit:
         cell *= 2
     positions = xyz[:, :2] / cell
     corner = np.floor(positions.min(axis=0))

@@ -1,0 +1,104 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMANDS = (
+    "info",
+    "prepare",
+    "train",
+    "predict",
+    "evaluate",
+    "simulate",
+    "labels",
+    "models",
+    "render",
+)
+
+
+def test_help_names_every_command(bushseg):
+    outcome = bushseg("--help")
+    assert outcome.status == 0
+    assert all(command in outcome.out for command in (*COMMANDS, "config"))
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "config"])
+def test_every_command_has_help_with_an_example(bushseg, command):
+    outcome = bushseg(command, "--help")
+    assert outcome.status == 0
+    assert f"bushseg {command}" in outcome.out
+    assert "Examples" in outcome.out
+    assert bushseg(command, "-h").out == outcome.out
+
+
+def test_version(bushseg):
+    assert bushseg("--version").out.startswith("bushseg 0.")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["grow"],
+        ["predict"],
+        ["predict", "a.las"],
+        ["train", "--epochs", "many"],
+        ["predict", "a.las", "-o", "b.las", "--asprs", "bush"],
+        ["labels", "--colour"],
+    ],
+)
+def test_a_wrong_call_is_status_2(bushseg, arguments):
+    outcome = bushseg(*arguments)
+    assert outcome.status == 2
+    assert outcome.out == ""
+    assert "Usage" in outcome.err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["info", "none.las"],
+        ["prepare", "none"],
+        ["train", "none"],
+        ["train", "--resume", "none"],
+        ["predict", "none.las", "-o", "out.las"],
+        ["predict", "none.las", "-o", "out.las", "-m", "none.safetensors"],
+        ["evaluate", "none.las", "--scheme", "bush"],
+        ["evaluate", "none.las", "--scheme", "shrubs"],
+        ["simulate", "-o", "out", "--size", "-3"],
+        ["simulate", "-o", "out", "--sensor", "sonar"],
+        ["labels", "shrubs"],
+        ["models"],
+        ["models", "--model", "none.safetensors"],
+        ["config", "-c", "none.toml"],
+        ["train", "--epochs", "0"],
+        ["prepare", "none", "--voxel-size", "nan"],
+    ],
+)
+def test_an_error_is_status_1_and_one_line(bushseg, arguments):
+    outcome = bushseg(*arguments)
+    assert outcome.status == 1
+    assert outcome.out == ""
+    assert outcome.err.startswith("error: ")
+    assert outcome.err.count("\n") == 1
+
+
+def test_out_of_memory_says_what_to_do(bushseg, monkeypatch):
+    def fail(*args, **kwargs):
+        raise MemoryError
+
+    monkeypatch.setattr("bushseg.io.find_scans", fail)
+    outcome = bushseg("info", "a.las")
+    assert outcome.status == 1
+    assert "tile-points" in outcome.err
+
+
+def test_the_installed_script(tmp_path):
+    script = Path(sys.executable).with_name("bushseg")
+    result = subprocess.run(
+        [script, "info", "none.las"], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert result.returncode == 1
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: none.las: no such file")
+    assert "Traceback" not in result.stderr

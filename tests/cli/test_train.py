@@ -1,0 +1,47 @@
+"""Ctrl-C: a process of its own, interrupted as a terminal would."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(sys.executable).with_name("bushseg")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT to send")
+def test_ctrl_c_saves_and_resume_goes_on(prepared, settings, bushseg, tmp_path):
+    command = [SCRIPT, "train", prepared, "-o", "run", "-c", settings, "--epochs", "500"]
+    process = subprocess.Popen(
+        list(map(str, command)),
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("epoch 1/500")
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert "Traceback" not in err
+    assert "stopping after this step" in err
+    assert out.startswith("stopped in epoch")
+    assert "--resume run" in out
+
+    finished = len((tmp_path / "run" / "metrics.csv").read_text().splitlines()) - 1
+    assert 1 <= finished < 500
+    # Its own settings are kept: nothing but the number of epochs is said again.
+    again = bushseg("train", prepared, "--resume", "run", "--epochs", finished + 1, "--json")
+    assert again.status == 0
+    result = json.loads(again.out)
+    assert result["epochs"] == finished + 1
+    assert [row["epoch"] for row in result["history"]] == list(range(1, finished + 2))
+    assert not result["interrupted"]

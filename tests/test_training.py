@@ -15,6 +15,14 @@ from bushseg.training import train
 FILES = ["best.safetensors", "config.toml", "curves.png", "last.safetensors", "metrics.csv"]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _no_curves(run):
+    """Drawing takes longer than everything else here; `run` has been drawn before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bushseg.training.plot_curves", lambda _history, path: path.touch())
+        yield
+
+
 def losses(result) -> list[float]:
     return [row["loss"] for row in result.history]
 

@@ -14,7 +14,7 @@ from bushseg.config import PrepareConfig, TrainConfig
 from bushseg.crops import CropSampler, class_weights, enough_crops
 from bushseg.errors import CacheError, ConfigError, DataError
 from bushseg.features import FEATURES
-from bushseg.preparation import DATASET, MANIFEST, crop_name, tile_name
+from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
 from bushseg.pyramid import Pyramid, build_pyramid
 from bushseg.scheme import ClassScheme
 from bushseg.tile_data import TileData

@@ -11,7 +11,8 @@ from plyfile import PlyData, PlyElement
 from bushseg.cache import load_tensors, load_tile, pyramid_from_tensors, read_json
 from bushseg.config import PrepareConfig
 from bushseg.errors import DataError, ReadError, SchemeError
-from bushseg.preparation import DATASET, PrepareResult, crop_name, prepare, tile_name
+from bushseg.preparation import PrepareResult, prepare
+from bushseg.prepared import DATASET, crop_name, tile_name
 
 CONFIG = PrepareConfig(
     voxel_size=0.1,

@@ -4,7 +4,6 @@ What stands on disk is in :mod:`bushseg.prepared`. A second run finds what is co
 """
 
 import shutil
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bushseg.cache import FORMAT_VERSION, KEY_DIGITS, read_finished, write_json
+from bushseg.codes import Encoded, UnknownCodes
 from bushseg.config import PrepareConfig
 from bushseg.errors import DataError
 from bushseg.features import FEATURES
@@ -30,6 +30,8 @@ from bushseg.prepared import (
 )
 from bushseg.progress import SILENT, Progress
 from bushseg.scheme import ClassScheme
+
+_NO_LABELS = np.empty(0, dtype=np.int16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +140,15 @@ def prepare(
 
 def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Iterable[str]:
     """One line for each thing a user should know."""
-    unknown: Counter[str] = Counter()
+    unknown = UnknownCodes()
     for manifest in manifests:
-        unknown.update(manifest["unknown_codes"])
-    if unknown:
-        codes = ", ".join(f"{code} ({count:,} points)" for code, count in sorted(unknown.items()))
-        yield f"label codes that scheme {scheme.name!r} doesn't know, taken as unlabelled: {codes}"
+        codes = {int(code): count for code, count in manifest["unknown_codes"].items()}
+        unknown.add(Encoded(_NO_LABELS, codes, manifest["invalid_codes"]))
+    if unknown.num_points:
+        yield (
+            f"{unknown.num_points:,} points taken as unlabelled, for scheme {scheme.name!r} "
+            f"doesn't know their codes: {unknown}"
+        )
     bare = [manifest["path"] for manifest in manifests if not manifest["has_labels"]]
     if bare:
         yield f"{len(bare)} of {len(manifests)} scans have no labels: {', '.join(bare[:3])}"

@@ -1,11 +1,11 @@
 """A scan at voxel resolution: what prepare caches and predict labels both start here."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.codes import UnknownCodes
 from bushseg.errors import DataError
 from bushseg.features import normalize, source_columns, source_values
 from bushseg.grid import VoxelGrid
@@ -26,7 +26,7 @@ class VoxelScan:
         sensor: Where the sensor stood, metres from the grid's origin, shape (3,); None if unknown.
         num_points: Raw points read.
         num_skipped: Raw points that no voxel holds: not finite, no-returns, out of reach.
-        unknown_codes: Label codes the class scheme doesn't know, with their counts.
+        unknown: Label codes the class scheme doesn't know, with their counts.
     """
 
     voxels: Voxels
@@ -34,7 +34,7 @@ class VoxelScan:
     sensor: NDArray[np.float64] | None
     num_points: int
     num_skipped: int
-    unknown_codes: dict[int, int]
+    unknown: UnknownCodes
 
 
 def mask_no_returns(xyz: NDArray[np.float64], reader: ScanReader) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def read_voxels(
     columns = source_columns(info.attributes)
     progress.start(f"reading {info.path.name}", info.num_points, "points")
     subsampler: GridSubsampler | None = None
-    unknown: Counter[int] = Counter()
+    unknown = UnknownCodes()
     num_points = num_early = 0
     for chunk in reader.chunks():
         num_points += len(chunk)
@@ -90,7 +90,7 @@ def read_voxels(
         labels = None
         if scheme is not None and field is not None:
             encoded = scheme.encode(chunk.attributes[field])
-            unknown.update(encoded.unknown)
+            unknown.add(encoded)
             labels = encoded.labels
         subsampler.add(xyz, source_values(chunk, columns), labels)
         progress.advance(len(chunk))
@@ -100,7 +100,7 @@ def read_voxels(
     features = normalize(voxels.values, height_above_ground(voxels.xyz))
     sensor = None if info.sensor_position is None else info.sensor_position - voxels.grid.origin
     skipped = num_early + subsampler.num_outside
-    return VoxelScan(voxels, features, sensor, num_points, skipped, dict(unknown))
+    return VoxelScan(voxels, features, sensor, num_points, skipped, unknown)
 
 
 def _label_attribute(reader: ScanReader, label_field: str | None) -> str | None:

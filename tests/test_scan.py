@@ -40,7 +40,7 @@ def test_points_become_voxels_with_features_and_labels(chunk: int) -> None:
     scan = read_voxels(Chunked(points, chunk, label_attribute="code"), 0.5, BUSH)
     assert scan.num_points == 5
     assert scan.num_skipped == 1
-    assert scan.unknown_codes == {99: 1}
+    assert scan.unknown.codes == {99: 1}
     assert sorted(scan.voxels.counts.tolist()) == [1, 3]
     near = int(scan.voxels.counts.argmax())
     assert scan.voxels.labels is not None

@@ -232,13 +232,14 @@ def test_a_frame_becomes_labels(height_model, new_scene, tmp_path):
     scene = new_scene(5, 1500)
     rows = np.column_stack([scene.xyz, scene.intensity / 65535]).astype("<f4")
     rows[::10, :3] = 0  # pulses that did not return
+    rows[1, :3] = 0.001  # one that did, from the same voxel
     rows.tofile(tmp_path / "frame.bin")
     result = predict_file(tmp_path / "frame.bin", tmp_path / "out.label", height_model)
     codes = np.fromfile(tmp_path / "out.label", "<u4")
     assert len(codes) == len(rows)
     scheme = height_model.card.scheme
     assert (codes[::10] == scheme.unlabelled[0]).all()
-    assert set(codes[1::10]) <= {info.codes[0] for info in scheme.classes}
+    assert {codes[1], *codes[1::10]} <= {info.codes[0] for info in scheme.classes}
     assert result.num_unlabelled == 150
     assert sum(result.class_counts.values()) == 1350
 

@@ -139,3 +139,23 @@ def model(run: Path):
     from bushseg.checkpoint import load_model
 
     return load_model(run / "best.safetensors")
+
+
+@pytest.fixture(scope="session")
+def height_model():
+    """Untrained; any scan has the one feature it needs."""
+    import torch
+
+    from bushseg.checkpoint import Model, ModelCard, build_network
+    from bushseg.labels import load_scheme
+
+    card = ModelCard(
+        scheme=load_scheme("bush"),
+        features=("height",),
+        prepare=PrepareConfig(voxel_size=0.15, num_neighbors=8, num_levels=2, halo=16),
+        network=NetworkConfig(widths=(8, 16), head_widths=(8, 8)),
+        neighbor_distance=(0.1, 1.0),
+    )
+    with torch.random.fork_rng():
+        torch.manual_seed(3)
+        return Model(card, build_network(card).eval())

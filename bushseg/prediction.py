@@ -234,19 +234,18 @@ def _write(
     if scheme.bush_index is not None:
         added["bush_probability"] = np.dtype(np.float32)
     progress.start(f"writing {output.name}", reader.info.num_points, "points")
-    writer = io.create(partial, suffix, reader, added)
-    for chunk in reader.chunks():
-        predicted = stitcher.at(mask_no_returns(chunk.xyz, reader))
-        codes: NDArray[Any] | None = None
-        if not as_las:
-            codes = scheme.decode(predicted.labels)
-        elif not config.keep_classification:
-            codes = scheme.to_asprs(predicted.labels, config.asprs)
-            codes = fit_legacy(codes) if writer.has_legacy_codes else codes
-        writer.write(chunk, _columns(predicted, scheme.decode_indices(predicted.labels)), codes)
-        counts += np.bincount(predicted.labels + 1, minlength=len(counts))
-        progress.advance(len(chunk))
-    writer.close()
+    with io.create(partial, suffix, reader, added) as writer:
+        for chunk in reader.chunks():
+            predicted = stitcher.at(mask_no_returns(chunk.xyz, reader))
+            codes: NDArray[Any] | None = None
+            if not as_las:
+                codes = scheme.decode(predicted.labels)
+            elif not config.keep_classification:
+                codes = scheme.to_asprs(predicted.labels, config.asprs)
+                codes = fit_legacy(codes) if writer.has_legacy_codes else codes
+            writer.write(chunk, _columns(predicted, scheme.decode_indices(predicted.labels)), codes)
+            counts += np.bincount(predicted.labels + 1, minlength=len(counts))
+            progress.advance(len(chunk))
     if counts.sum() != reader.info.num_points:
         raise ReadError(
             reader.info.path,

@@ -1,5 +1,6 @@
 """What predict_file refuses, and that it leaves nothing half done."""
 
+import gc
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -85,7 +86,6 @@ def test_failing_half_way_leaves_nothing(model, south, tmp_path, monkeypatch):
     from bushseg.io.las_writer import LasWriter
 
     def fail(self, *args):
-        LasWriter.close(self)
         raise WriteError("the disk is full")
 
     monkeypatch.setattr(LasWriter, "write", fail)
@@ -95,6 +95,31 @@ def test_failing_half_way_leaves_nothing(model, south, tmp_path, monkeypatch):
         predict_file(south, output, model, overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["out.las"]
     assert output.read_text() == "precious"
+
+
+@pytest.mark.parametrize("suffix", [".las", ".ply"])
+def test_a_scan_that_breaks_off_while_written_leaves_nothing(model, south, tmp_path, suffix):
+    """Damage that shows on the second pass only: the output's own files are let go of as well."""
+    from bushseg.io.las_reader import LasReader
+
+    passes = 0
+    honest = LasReader.chunks
+
+    def break_off(self, size=500):
+        nonlocal passes
+        passes += 1
+        for chunk in honest(self, size):
+            yield chunk
+            if passes == 2:
+                raise ReadError(south, "a bad sector", "a disk that works")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LasReader, "chunks", break_off)
+        with pytest.raises(ReadError, match="bad sector"):
+            predict_file(south, tmp_path / f"out{suffix}", model)
+    assert passes == 2
+    gc.collect()  # a file still open would warn, which is an error here
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_truncated_scan_leaves_nothing(model, south, tmp_path):

@@ -16,6 +16,11 @@ from bushseg.points import AttributeArray, PointCloud
 
 CHUNK_POINTS = 1_000_000
 
+Columns = Mapping[str, AttributeArray]
+"""Name to values, one a point."""
+Codes = NDArray[np.integer[Any]]
+"""Class codes, shape (N,)."""
+
 
 @dataclass(frozen=True, slots=True)
 class ScanInfo:
@@ -93,8 +98,9 @@ class ScanReader(ABC):
 class ScanWriter(ABC):
     """An output being written, chunk by chunk, in the input's order.
 
-    A writer writes to the very path it is given; the caller makes that atomic
-    (:func:`bushseg.files.atomic_path`) and calls :meth:`close` once, after the last chunk.
+    A context manager: leaving it finishes the output, or gives it up if an error was raised. A
+    writer writes to the very path it is given; the caller makes that atomic
+    (:func:`bushseg.files.atomic_path`).
 
     Attributes:
         has_legacy_codes: Whether the format's own label field has five bits, as LAS's point formats
@@ -104,20 +110,41 @@ class ScanWriter(ABC):
     has_legacy_codes: bool = False
 
     @abstractmethod
-    def write(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],
-        codes: NDArray[np.integer[Any]] | None,
-    ) -> None:
+    def write(self, chunk: PointCloud, added: Columns, codes: Codes | None) -> None:
         """Write one chunk.
 
         Args:
-            chunk: Points as the input's reader gave them.
-            added: New columns of the chunk's length: name to values, the same names each time.
-            codes: Class codes for the format's own label field, or None to leave it alone.
+            chunk: N points as the input's reader gave them.
+            added: New columns, shape (N,) each, of the names and dtypes that were announced.
+            codes: Class codes for the format's own label field, shape (N,), or None to leave it
+                alone.
+
+        Raises:
+            DataError: A code doesn't fit the format's label field.
+            WriteError: The disk refuses, or a value doesn't fit what the format can store.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Write what comes last (counts, EVLRs) and release the file."""
+        """Write what comes last (counts, EVLRs) and release the file, even if that fails.
+
+        Raises:
+            WriteError: The disk refuses, or points are missing.
+        """
+
+    def abort(self) -> None:  # noqa: B027 - most writers hold nothing open
+        """Release the file as it stands: whoever asked for it will throw it away."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abort()

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from bushseg.errors import ReadError, WriteError
 from bushseg.io.ascii import Body, read_rows
-from bushseg.io.base import CHUNK_POINTS, ScanReader, ScanWriter
+from bushseg.io.base import CHUNK_POINTS, Codes, Columns, ScanReader, ScanWriter
 from bushseg.io.sniff import check_file
 from bushseg.io.stream import AppendingWriter
-from bushseg.points import AttributeArray, PointCloud
+from bushseg.points import PointCloud
 
 KITTI_DTYPE = np.dtype("<u4")
 KITTI_CLASS_BITS = 16
 TEXT_DTYPE = np.dtype([("label", "<i4")])
-
-Codes = NDArray[np.integer[Any]]
 
 
 def read_codes(path: Path) -> NDArray[np.int32]:
@@ -80,12 +78,7 @@ class CodesWriter(AppendingWriter):
         self._encode = encode
         self._limits = limits
 
-    def write(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],  # noqa: ARG002
-        codes: Codes | None,
-    ) -> None:
+    def write(self, chunk: PointCloud, added: Columns, codes: Codes | None) -> None:  # noqa: ARG002
         """Append one chunk's codes.
 
         Raises:

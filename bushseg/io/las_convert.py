@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 from laspy.point.dims import ALL_POINT_FORMATS_DTYPE
-from numpy.typing import NDArray
 
 from bushseg.errors import WriteError
-from bushseg.io.base import ScanReader, ScanWriter
+from bushseg.io.base import Codes, Columns, ScanReader, ScanWriter
 from bushseg.io.las_crs import WKT_RECORD
 from bushseg.io.las_header import HEADER_1_0, HEADER_1_4, HEADER_SIZES, WAVEFORM_START, WKT_BIT
 from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, Records
 from bushseg.io.las_sink import LasSink, pack_vlr
 from bushseg.io.las_survey import Survey, survey
 from bushseg.io.las_writer import add_columns, set_classification
-from bushseg.points import AttributeArray, FloatArray, PointCloud
+from bushseg.points import FloatArray, PointCloud
 
 _INT32_REACH = 2.0**31 - 1
 _MAX_VLR_PAYLOAD = 65535
@@ -80,42 +79,40 @@ class LasConverter(ScanWriter):
             vlrs.append(pack_vlr(EXTRA_BYTES_RECORD, "Extra bytes", descriptors))
         self._sink = LasSink(path, _new_header(self._survey), layout, vlrs)
 
-    def write(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],
-        codes: NDArray[np.integer[Any]] | None,
-    ) -> None:
+    def write(self, chunk: PointCloud, added: Columns, codes: Codes | None) -> None:
         """Write one chunk of the source.
 
         Raises:
             DataError: A class code is not within 0 to 255.
             WriteError: The disk is full, or the source isn't what it was.
         """
-        try:
-            records = np.zeros(len(chunk), self._layout.dtype)
-            self._set_coordinates(records, chunk.xyz)
-            records["bit_fields"] = 0x11  # the first of one return: point format 6 knows no zeroth
-            for name, channel in self._survey.channels.items():
-                records[channel.field] = channel.convert(chunk.attributes[name])
-            for name in self._direct:
-                records[name] = chunk.attributes[name]
-            for column, field in self._columns.items():
-                name, part = self._origins[column]
-                values = chunk.attributes[name]
-                records[field] = values if part is None else values[:, part]
-            for name, field in self._added.items():
-                records[field] = added[name]
-            if codes is not None:
-                set_classification(records, codes, self._layout.point_format)
-            self._sink.append(records)
-        except BaseException:
-            self._sink.close()
-            raise
+        records = np.zeros(len(chunk), self._layout.dtype)
+        self._set_coordinates(records, chunk.xyz)
+        records["bit_fields"] = 0x11  # the first of one return: point format 6 knows no zeroth
+        for name, channel in self._survey.channels.items():
+            records[channel.field] = channel.convert(chunk.attributes[name])
+        for name in self._direct:
+            records[name] = chunk.attributes[name]
+        for column, field in self._columns.items():
+            name, part = self._origins[column]
+            values = chunk.attributes[name]
+            records[field] = values if part is None else values[:, part]
+        for name, field in self._added.items():
+            records[field] = added[name]
+        if codes is not None:
+            set_classification(records, codes, self._layout.point_format)
+        self._sink.append(records)
 
     def close(self) -> None:
         """Write the counts and the bounds, and release the file."""
-        self._sink.finish()
+        try:
+            self._sink.finish()
+        finally:
+            self.abort()
+
+    def abort(self) -> None:
+        """Release the file as it stands."""
+        self._sink.close()
 
     def _set_coordinates(self, records: Records, xyz: FloatArray) -> None:
         for axis, name in enumerate("XYZ"):

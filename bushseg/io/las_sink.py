@@ -7,7 +7,7 @@ two cores.
 
 import struct
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -107,12 +107,15 @@ class LasSink:
         self._pack(_RECORD_AT, layout.point_format | compressed, layout.dtype.itemsize)
         with self._write_errors():
             self._file: BinaryIO = path.open("wb")
-        with self._write_errors():
-            self._file.write(self._header)
-            self._file.writelines(vlrs)
-            self._file.write(gap)
-            if laszip is not None:
-                self._compressor = lazrs.ParLasZipCompressor(self._file, laszip)
+            try:
+                self._file.write(self._header)
+                self._file.writelines(vlrs)
+                self._file.write(gap)
+                if laszip is not None:
+                    self._compressor = lazrs.ParLasZipCompressor(self._file, laszip)
+            except BaseException:
+                self.close()
+                raise
 
     def append(self, records: Records) -> None:
         """Write point records of the sink's layout, shape (N,).
@@ -124,7 +127,6 @@ class LasSink:
             return
         self._num_points += len(records)
         if self._minor < 4 and self._num_points > _MAX_LEGACY:
-            self._file.close()
             raise WriteError(
                 f"{self._path}: LAS 1.{self._minor} holds {_MAX_LEGACY:,} points at most; "
                 "split the scan or make it LAS 1.4"
@@ -168,12 +170,13 @@ class LasSink:
             self._pack_bounds()
             self._file.seek(0)
             self._file.write(self._header)
-            self._file.close()
+            self._file.close()  # what is still buffered may not fit on the disk
 
     def close(self) -> None:
         """Release the file, finished or not."""
         self._compressor = None
-        self._file.close()
+        with suppress(OSError):  # a full disk, which finish() or append() has told of
+            self._file.close()
 
     def _check_channels(self, records: Records) -> None:
         if self._compressor is None or self._layout.point_format < 6:
@@ -181,7 +184,6 @@ class LasSink:
         flags = records["classification_flags"]
         self._first_flags = flags[0] if self._first_flags is None else self._first_flags
         if garbles_waveforms(self._layout.point_format, flags, self._first_flags):
-            self.close()
             raise WriteError(
                 f"{self._path}: waveform packets of several scanner channels, which lazrs garbles; "
                 "choose .las for the output"
@@ -212,21 +214,13 @@ class LasSink:
 
     @contextmanager
     def _write_errors(self) -> Iterator[None]:
-        """Turn what the disk and lazrs refuse into a WriteError, and let go of the file."""
+        """Turn what the disk and lazrs refuse into a WriteError."""
         path = self._path
         try:
             with lazrs_errors(lambda reason: WriteError(f"{path}: can't compress ({reason})")):
                 yield
         except OSError as error:
-            self._release()
             raise WriteError(f"{path}: can't write ({error.strerror or error})") from error
-        except BaseException:
-            self._release()
-            raise
-
-    def _release(self) -> None:
-        if hasattr(self, "_file"):
-            self.close()
 
 
 def _copy_range(source: BinaryIO, target: BinaryIO, offset: int, length: int) -> None:

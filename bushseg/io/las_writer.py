@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bushseg.errors import DataError
-from bushseg.io.base import ScanWriter
+from bushseg.io.base import Codes, Columns, ScanWriter
 from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, Records
 from bushseg.io.las_reader import LasReader
 from bushseg.io.las_sink import Evlr, LasSink, pack_vlr
 from bushseg.io.laz_body import LASZIP_RECORD
-from bushseg.points import AttributeArray, PointCloud
+from bushseg.points import PointCloud
 
 
 class LasWriter(ScanWriter):
@@ -51,31 +50,22 @@ class LasWriter(ScanWriter):
             self._source.close()
             raise
 
-    def write(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],
-        codes: NDArray[np.integer[Any]] | None,
-    ) -> None:
+    def write(self, chunk: PointCloud, added: Columns, codes: Codes | None) -> None:
         """Write one chunk of the source.
 
         Raises:
             DataError: A class code is negative or doesn't fit the point format's field.
             WriteError: The disk is full.
         """
-        try:
-            records = np.empty(len(chunk), self._layout.dtype)
-            # The record only grows at its end.
-            old = chunk.record.view(np.uint8).reshape(len(chunk), -1)
-            records.view(np.uint8).reshape(len(chunk), -1)[:, : old.shape[1]] = old
-            for name, field in self._fields.items():
-                records[field] = added[name]
-            if codes is not None:
-                set_classification(records, codes, self._layout.point_format)
-            self._sink.append(records)
-        except BaseException:
-            self._release()
-            raise
+        records = np.empty(len(chunk), self._layout.dtype)
+        # The record only grows at its end.
+        old = chunk.record.view(np.uint8).reshape(len(chunk), -1)
+        records.view(np.uint8).reshape(len(chunk), -1)[:, : old.shape[1]] = old
+        for name, field in self._fields.items():
+            records[field] = added[name]
+        if codes is not None:
+            set_classification(records, codes, self._layout.point_format)
+        self._sink.append(records)
 
     def close(self) -> None:
         """Write the EVLRs, the counts and the bounds, and release the file."""
@@ -92,7 +82,12 @@ class LasWriter(ScanWriter):
         try:
             self._sink.finish(evlrs, self._source)
         finally:
-            self._release()
+            self.abort()
+
+    def abort(self) -> None:
+        """Release the file as it stands, and the source."""
+        self._source.close()
+        self._sink.close()
 
     def _copied_vlrs(self, descriptors: bytes | None) -> list[bytes]:
         """Whole VLRs; the first that describes extra bytes makes room for new descriptors."""
@@ -109,10 +104,6 @@ class LasWriter(ScanWriter):
         if descriptors is not None:
             vlrs.append(pack_vlr(EXTRA_BYTES_RECORD, "Extra bytes", descriptors))
         return vlrs
-
-    def _release(self) -> None:
-        self._source.close()
-        self._sink.close()
 
 
 def add_columns(
@@ -133,9 +124,7 @@ def add_columns(
     return layout, fields
 
 
-def set_classification(
-    records: Records, codes: NDArray[np.integer[Any]], point_format: int
-) -> None:
+def set_classification(records: Records, codes: Codes, point_format: int) -> None:
     """Set the class codes of records in place; the flags beside them stay.
 
     Args:

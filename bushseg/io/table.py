@@ -7,7 +7,7 @@ what columns an output gets.
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import ReadError, WriteError
-from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
+from bushseg.io.base import CHUNK_POINTS, Codes, Columns, ScanInfo, ScanReader
 from bushseg.io.stream import AppendingWriter
 from bushseg.points import AttributeArray, PointCloud
 
@@ -165,12 +165,7 @@ class TableWriter(AppendingWriter):
             return dtype.newbyteorder("<")
         raise WriteError(f"{self._path}: can't store a column of type {dtype}; drop it first")
 
-    def write(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],
-        codes: NDArray[np.integer[Any]] | None,
-    ) -> None:
+    def write(self, chunk: PointCloud, added: Columns, codes: Codes | None) -> None:
         """Append one chunk; see :meth:`bushseg.io.base.ScanWriter.write`.
 
         Raises:
@@ -190,10 +185,7 @@ class TableWriter(AppendingWriter):
         self._append(header + self._rows(table), len(chunk))
 
     def _columns(
-        self,
-        chunk: PointCloud,
-        added: Mapping[str, AttributeArray],
-        codes: NDArray[np.integer[Any]] | None,
+        self, chunk: PointCloud, added: Columns, codes: Codes | None
     ) -> dict[str, AttributeArray]:
         """All columns, one value a point each, under names that are valid and not repeated."""
         columns: dict[str, AttributeArray] = dict(zip("xyz", chunk.xyz.T, strict=True))

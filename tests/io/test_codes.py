@@ -20,20 +20,18 @@ def source(tmp_path: Path) -> ScanReader:
 
 def test_label(tmp_path: Path, source: ScanReader) -> None:
     path = tmp_path / "a.label"
-    writer = create_label(path, source, {})
-    for part in (slice(2), slice(2, 3)):
-        chunk = PointCloud(POINTS.xyz[part])
-        writer.write(chunk, {"p": np.zeros(len(chunk))}, np.array([0, 19, 65535])[part])
-    writer.close()
+    with create_label(path, source, {}) as writer:
+        for part in (slice(2), slice(2, 3)):
+            chunk = PointCloud(POINTS.xyz[part])
+            writer.write(chunk, {"p": np.zeros(len(chunk))}, np.array([0, 19, 65535])[part])
     assert path.read_bytes() == struct.pack("<3I", 0, 19, 65535)
     assert read_codes(path).tolist() == [0, 19, 65535]
 
 
 def test_labels(tmp_path: Path, source: ScanReader) -> None:
     path = tmp_path / "a.labels"
-    writer = create_labels(path, source, {})
-    writer.write(POINTS, {}, np.array([8, -1, 0], dtype=np.int8))
-    writer.close()
+    with create_labels(path, source, {}) as writer:
+        writer.write(POINTS, {}, np.array([8, -1, 0], dtype=np.int8))
     assert path.read_bytes() == b"8\n-1\n0\n"
     assert read_codes(path).tolist() == [8, -1, 0]
     assert read_codes(path).dtype == np.int32

@@ -74,9 +74,8 @@ def test_default_viewpoint_is_no_position(tmp_path: Path) -> None:
 def test_writes_the_sensor_position(tmp_path: Path) -> None:
     points = PointCloud(np.zeros((1, 3)))
     source = MemoryReader(points, sensor=[0.1, -2.0, 1e6])
-    writer = create_pcd(tmp_path / "out.pcd", source, {})
-    writer.write(points, {}, None)
-    writer.close()
+    with create_pcd(tmp_path / "out.pcd", source, {}) as writer:
+        writer.write(points, {}, None)
     position = open_pcd(tmp_path / "out.pcd").info.sensor_position
     assert position is not None
     assert position.tolist() == [0.1, -2.0, 1e6]

@@ -36,15 +36,14 @@ def shapes(count: int) -> st.SearchStrategy[tuple[int, ...]]:
 def copy(source: ScanReader, path: Path, codes: np.ndarray | None) -> None:
     """Write all chunks, with a column added, as a prediction would."""
     added = {"bush_probability": np.dtype("f4")}
-    writer = io.create(path, io.suffix_of(path), source, added)
-    start = 0
-    for chunk in source.chunks(3):
-        stop = start + len(chunk)
-        probability = np.linspace(0, 1, len(chunk), dtype=np.float32)
-        part = None if codes is None else codes[start:stop]
-        writer.write(chunk, {"bush_probability": probability}, part)
-        start = stop
-    writer.close()
+    with io.create(path, io.suffix_of(path), source, added) as writer:
+        start = 0
+        for chunk in source.chunks(3):
+            stop = start + len(chunk)
+            probability = np.linspace(0, 1, len(chunk), dtype=np.float32)
+            part = None if codes is None else codes[start:stop]
+            writer.write(chunk, {"bush_probability": probability}, part)
+            start = stop
 
 
 def flat(points: PointCloud) -> list[np.ndarray]:

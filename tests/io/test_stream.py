@@ -37,9 +37,8 @@ def test_writing_starts_anew_and_says_what_the_disk_refused(tmp_path: Path) -> N
     points = PointCloud(np.ones((1, 3)))
     path = tmp_path / "out.txt"
     path.write_bytes(b"what stood here before")
-    writer = create_txt(path, MemoryReader(points), {})
-    writer.write(points, {}, None)
-    writer.close()
+    with create_txt(path, MemoryReader(points), {}) as writer:
+        writer.write(points, {}, None)
     assert path.read_bytes() == b"# x y z\n1.0 1.0 1.0\n"
     writer = create_txt(tmp_path / "none" / "out.txt", MemoryReader(points), {})
     with pytest.raises(WriteError, match="No such file"):

@@ -40,14 +40,13 @@ def convert(tmp_path):
         )
         source = ArrayReader(points, info)
         path = tmp_path / ("b" + suffix)
-        writer = create_las(path, source, {name: v.dtype for name, v in added.items()})
-        start = 0
-        for chunk in source.chunks(2):
-            part = slice(start, start + len(chunk))
-            columns = {name: values[part] for name, values in added.items()}
-            writer.write(chunk, columns, None if codes is None else codes[part])
-            start += len(chunk)
-        writer.close()
+        with create_las(path, source, {name: v.dtype for name, v in added.items()}) as writer:
+            start = 0
+            for chunk in source.chunks(2):
+                part = slice(start, start + len(chunk))
+                columns = {name: values[part] for name, values in added.items()}
+                writer.write(chunk, columns, None if codes is None else codes[part])
+                start += len(chunk)
         return path
 
     return run
@@ -81,10 +80,9 @@ def test_coordinates_keep_seven_digits_of_the_extent(tmp_path_factory, xyz, shif
     array = np.array(xyz) + shift
     path = tmp_path_factory.mktemp("seven") / "b.las"
     source = ArrayReader(PointCloud(array), ScanInfo(path, "PLY", len(array), {}))
-    writer = create_las(path, source, {})
-    for chunk in source.chunks():
-        writer.write(chunk, {}, None)
-    writer.close()
+    with create_las(path, source, {}) as writer:
+        for chunk in source.chunks():
+            writer.write(chunk, {}, None)
     extent = max(1e-3, float((array.max(axis=0) - array.min(axis=0)).max()))
     with open_las(path) as reader:
         error = np.abs(reader.read().xyz - array).max()

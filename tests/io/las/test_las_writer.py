@@ -1,4 +1,5 @@
 import struct
+from pathlib import Path
 
 import laspy
 import numpy as np
@@ -23,14 +24,14 @@ def label(source, target, added=None, codes=None, size=33):
     """Copy a scan as predict does: chunk by chunk, with constant columns and codes."""
     added = added or {}
     with open_las(source) as reader:
-        writer = create_las(target, reader, {name: v.dtype for name, v in added.items()})
-        start = 0
-        for chunk in reader.chunks(size):
-            part = slice(start, start + len(chunk))
-            columns = {name: values[part] for name, values in added.items()}
-            writer.write(chunk, columns, None if codes is None else codes[part])
-            start += len(chunk)
-        writer.close()
+        dtypes = {name: values.dtype for name, values in added.items()}
+        with create_las(target, reader, dtypes) as writer:
+            start = 0
+            for chunk in reader.chunks(size):
+                part = slice(start, start + len(chunk))
+                columns = {name: values[part] for name, values in added.items()}
+                writer.write(chunk, columns, None if codes is None else codes[part])
+                start += len(chunk)
     return target
 
 
@@ -240,6 +241,30 @@ def test_what_las_can_not_hold_is_refused(make_las, tmp_path):
             create_las(tmp_path / "b.las", reader, {"z": np.dtype("c16")})
         with pytest.raises(WriteError, match="can't write"):
             create_las(tmp_path / "no" / "b.las", reader, {})
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_copy_given_up_midway_lets_go_of_both_files(make_las, suffix):
+    source = make_las("a.las")
+    with open_las(source) as reader:
+        writer = create_las(source.with_name("b" + suffix), reader, {})
+
+        def give_up():
+            with writer:
+                writer.write(next(reader.chunks(33)), {}, None)
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            give_up()
+        assert writer._source.closed
+        assert writer._sink._file.closed
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_one_clear_error(make_las, tmp_path):
+    (tmp_path / "b.las").symlink_to("/dev/full")
+    with pytest.raises(WriteError, match=r"can't write \(No space left on device\)"):
+        label(make_las("a.las"), tmp_path / "b.las")
 
 
 @given(st.binary(max_size=500), st.integers(0, 60), st.sampled_from([0, 6]))

@@ -17,7 +17,7 @@ from typing import Any
 from fidelity import differences
 
 from bushseg.checkpoint import load_model
-from bushseg.prediction import find_model
+from bushseg.runs import find_model
 
 # Each scan and the suffixes it is written with.
 SCANS = {

@@ -19,7 +19,7 @@ from bushseg.io import read
 from bushseg.io.memory import MemoryReader
 from bushseg.labeler import label_tiles
 from bushseg.points import PointCloud
-from bushseg.prediction import find_model
+from bushseg.runs import find_model
 from bushseg.scan import VoxelScan, read_voxels
 
 WHOLE = 20_000_000

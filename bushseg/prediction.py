@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from bushseg import io
 from bushseg.checkpoint import Model, load_model
 from bushseg.config import PredictConfig
-from bushseg.errors import CheckpointError, DataError, ReadError
+from bushseg.errors import DataError, ReadError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.base import ScanReader
 from bushseg.io.memory import MemoryReader
@@ -25,11 +25,11 @@ from bushseg.labeler import domain_warnings, label_tiles
 from bushseg.labels import describe_legacy_loss, fit_legacy
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
+from bushseg.runs import find_model
 from bushseg.scan import mask_no_returns, read_voxels
 from bushseg.stitch import PointPredictions, Stitcher
 
 LAS_SUFFIXES = (".las", ".laz")
-RUNS = Path("runs")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,27 +66,6 @@ class PredictResult:
     points_per_second: float
     peak_memory: int | None
     warnings: tuple[str, ...]
-
-
-def find_model(model: str | Path | None = None) -> Path:
-    """The model to use: the one named, or the best of the newest run.
-
-    Args:
-        model: A model file, a run's folder, or None.
-
-    Raises:
-        CheckpointError: There is none.
-    """
-    if model is not None:
-        path = Path(model)
-        return path / "best.safetensors" if path.is_dir() else path
-    found = sorted(RUNS.glob("*/best.safetensors"), key=lambda path: path.stat().st_mtime)
-    if not found:
-        raise CheckpointError(
-            f"no model: {RUNS.absolute()} holds no finished epoch of a run; "
-            "train one with `bushseg train`, or name one with --model"
-        )
-    return found[-1]
 
 
 def predict_file(

@@ -1,35 +1,32 @@
-"""Training: prepared crops in, checkpoints, metrics and curves out.
+"""Training: prepared crops in; checkpoints, metrics and curves out, into a run's folder."""
 
-runs/NAME/
-  best.safetensors      the best model on the held-out split; usable with nothing else
-  last.safetensors      the latest, with all that --resume needs
-  metrics.csv           one row an epoch
-  curves.png            the same, drawn
-  config.toml           every setting as it was resolved
-"""
-
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from bushseg.augment import DROPPABLE
 from bushseg.batches import EpochBatches
-from bushseg.checkpoint import ModelCard, build_network, load_checkpoint, save_model
+from bushseg.checkpoint import (
+    ModelCard,
+    build_network,
+    load_checkpoint,
+    save_model,
+)
 from bushseg.config import Config
 from bushseg.dataset import Dataset
-from bushseg.errors import CheckpointError, DataError
+from bushseg.errors import CheckpointError, ConfigError, DataError
 from bushseg.files import atomic_path
 from bushseg.history import summarize, write_history
 from bushseg.loss import loss_weights, weighted_cross_entropy
 from bushseg.models.batch import Batch
 from bushseg.plots import plot_curves
 from bushseg.progress import SILENT, Progress
+from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS, new_run, remove_run
 from bushseg.training_state import (
     TrainingState,
     optimizer_tensors,
@@ -37,14 +34,6 @@ from bushseg.training_state import (
     torch_seed,
 )
 from bushseg.validation import validate
-
-BEST, LAST, METRICS, CURVES, SETTINGS = (
-    "best.safetensors",
-    "last.safetensors",
-    "metrics.csv",
-    "curves.png",
-    "config.toml",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +63,7 @@ def train(
     config: Config | None = None,
     *,
     resume: bool = False,
+    overwrite: bool = False,
     stop: Callable[[], bool] = lambda: False,
     progress: Progress = SILENT,
 ) -> TrainResult:
@@ -82,8 +72,11 @@ def train(
     Args:
         data: The data set's folder.
         run: The run's folder; None makes one in `runs/`, named by the time.
-        config: Settings; None takes the defaults. Its `prepare` section is the data set's own.
-        resume: Go on with the run in `run`; the result is that of an uninterrupted run.
+        config: Settings; None takes the defaults, or the run's own to resume it. The `prepare`
+            section is always the data set's.
+        resume: Go on with the run in `run`; the result is that of an uninterrupted run. All
+            settings but the number of epochs must be the run's own.
+        overwrite: Replace the run that stands in `run`.
         stop: Asked before each step; True saves and ends the run, which can then be resumed.
         progress: Told of the points trained on, and of each epoch's metrics.
 
@@ -91,11 +84,19 @@ def train(
         What was made.
 
     Raises:
+        WriteError: The folder holds a run that is neither to be resumed nor overwritten.
         BushsegError: The data set or the checkpoint is missing, damaged or doesn't fit.
     """
-    trainer = Trainer(Dataset(data), _run_folder(run), config or Config(), progress)
+    if resume and (overwrite or run is None):
+        raise ConfigError("resume needs the folder of the run, and can't overwrite it")
+    folder = Path(run) if resume and run is not None else new_run(run, overwrite=overwrite)
+    if config is None:
+        config = Config.load(folder / SETTINGS) if resume else Config()
+    trainer = Trainer(Dataset(data), folder, config, progress)
     if resume:
         trainer.restore()
+    elif overwrite:
+        remove_run(folder)
     return trainer.run(stop)
 
 
@@ -159,7 +160,7 @@ class Trainer:
             points, stopped = self._epoch(stop)
             num_points, seconds = num_points + points, seconds + time.perf_counter() - begun
             if stopped:
-                self._save(LAST)
+                self._save_last()
             else:
                 self._finish_epoch(points / max(time.perf_counter() - begun, 1e-9))
         return TrainResult(
@@ -225,21 +226,20 @@ class Trainer:
             row |= {f"val_iou/{n}": float(v) for n, v in zip(names, judged.iou, strict=True)}
         state.history.append({key: float(value) for key, value in row.items()})
         state.epoch, state.step, state.loss_sum, state.counts = state.epoch + 1, 0, 0.0, []
-        metrics = {k: None if np.isnan(v) else v for k, v in state.history[-1].items()}
+        metrics = {k: None if math.isnan(v) else v for k, v in state.history[-1].items()}
         self.card = self.card.model_copy(update={"metrics": metrics})
-        score = 0.0 if np.isnan(judged.miou) else judged.miou
+        score = 0.0 if math.isnan(judged.miou) else judged.miou
         if score > state.best:
             state.best = score
             save_model(self.folder / BEST, self.card, self.network)
-        self._save(LAST)
+        self._save_last()
         write_history(self.folder / METRICS, state.history)
-        with atomic_path(self.folder / CURVES) as partial:
-            plot_curves(state.history, partial)
+        plot_curves(state.history, self.folder / CURVES)
         self.progress.note(summarize(state.history[-1], self.config.train.epochs))
 
-    def _save(self, name: str) -> None:
+    def _save_last(self) -> None:
         save_model(
-            self.folder / name,
+            self.folder / LAST,
             self.card,
             self.network,
             extra=optimizer_tensors(self.network, self.optimizer),
@@ -258,7 +258,3 @@ def _card(dataset: Dataset, tiles: Sequence[int], config: Config) -> ModelCard:
         network=config.network,
         neighbor_distance=(min(distances), max(distances)),
     )
-
-
-def _run_folder(run: str | Path | None) -> Path:
-    return Path(run) if run is not None else Path("runs") / f"{datetime.now():%Y-%m-%d_%H%M%S}"

@@ -57,7 +57,7 @@ def models(model: ModelFile = None, as_json: Json = False) -> None:
     """
     from bushseg.checkpoint import load_model
     from bushseg.models.bushnet import count_parameters
-    from bushseg.prediction import find_model
+    from bushseg.runs import find_model
 
     loaded = load_model(find_model(model))
     counts = count_parameters(loaded.network)

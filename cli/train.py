@@ -20,6 +20,9 @@ def train(
     resume: Annotated[
         Path | None, typer.Option(help="Go on with this run, exactly where it stopped.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the run that stands in --run.")
+    ] = False,
     epochs: Annotated[int | None, typer.Option(help="Epochs to train.  [default: 100]")] = None,
     batch_size: Annotated[int | None, typer.Option(help="Crops in a step.  [default: 4]")] = None,
     learning_rate: Annotated[
@@ -55,8 +58,11 @@ def train(
         bushseg train --resume runs/2026-05-01_120000
     """
     from bushseg.config import Config
-    from bushseg.training import SETTINGS
+    from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS
     from bushseg.training import train as start
+
+    if resume is not None and (run is not None or overwrite):
+        raise typer.BadParameter("--resume names the run; leave --run and --overwrite out")
 
     settings: dict[str, dict[str, Any]] = {
         "train": changed(
@@ -78,6 +84,7 @@ def train(
             resume or run,
             resolved,
             resume=resume is not None,
+            overwrite=overwrite,
             stop=stop,
             progress=shown,
         )
@@ -90,7 +97,7 @@ def train(
             f"`bushseg train {data} --resume {result.folder}`"
         )
         return
-    out.print(f"{result.folder}: best.safetensors, last.safetensors, metrics.csv, curves.png")
+    out.print(f"{result.folder}: {BEST}, {LAST}, {METRICS}, {CURVES}")
     scored = [row for row in result.history if "val_miou" in row]
     if scored:
         best = max(scored, key=lambda row: row["val_miou"])

@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 import bushseg
-from bushseg.prediction import find_model
+from bushseg.runs import find_model
 from bushseg.simulation import SimulateConfig
 
 

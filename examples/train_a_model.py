@@ -20,7 +20,8 @@ def main() -> None:
     print("prepared", prepared.num_voxels, "voxels:", prepared.class_counts)
 
     # Two epochs show how it is done; a useful model takes dozens.
-    result = bushseg.train("prepared", "runs/example", Config(train=TrainConfig(epochs=2)))
+    config = Config(train=TrainConfig(epochs=2))
+    result = bushseg.train("prepared", "runs/example", config, overwrite=True)
     print("trained; held-out mIoU by epoch:", [round(row["val_miou"], 3) for row in result.history])
 
 

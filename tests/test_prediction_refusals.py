@@ -1,7 +1,6 @@
 """What predict_file refuses, and that it leaves nothing half done."""
 
 import gc
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 
 from bushseg.config import PredictConfig
-from bushseg.errors import CheckpointError, DataError, ReadError, SchemeError, WriteError
-from bushseg.prediction import find_model, predict_file
+from bushseg.errors import DataError, ReadError, SchemeError, WriteError
+from bushseg.prediction import predict_file
 
 
 @pytest.fixture
@@ -146,18 +145,3 @@ def test_a_scan_that_grows_meanwhile(height_model, new_scene, tmp_path, monkeypa
     with pytest.raises(ReadError):
         predict_file(path, tmp_path / "out.ply", height_model)
     assert not (tmp_path / "out.ply").exists()
-
-
-def test_which_model_is_used(run, tmp_path, monkeypatch):
-    assert find_model(run) == run / "best.safetensors"
-    assert find_model(run / "last.safetensors") == run / "last.safetensors"
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(CheckpointError, match="bushseg train"):
-        find_model()
-    for age, name in enumerate(("newest", "older", "oldest")):
-        path = tmp_path / "runs" / name / "best.safetensors"
-        path.parent.mkdir(parents=True)
-        path.touch()
-        os.utime(path, (1e9 - age, 1e9 - age))
-    (tmp_path / "runs" / "unfinished").mkdir()
-    assert find_model() == Path("runs/newest/best.safetensors")

@@ -111,27 +111,32 @@ def save_model(
         save_file(tensors, partial, metadata=metadata)
 
 
-def load_model(path: Path) -> Model:
+def load_model(path: str | Path) -> Model:
     """Read a model.
 
     Raises:
         CheckpointError: The file is missing, no model, damaged, or of another version.
     """
+    path = Path(path)
     card, _, tensors = load_checkpoint(path)
-    weights = {
-        name.removeprefix(_WEIGHTS): tensor
-        for name, tensor in tensors.items()
-        if name.startswith(_WEIGHTS)
-    }
     try:
         # Built without memory first: settings that ask for absurd widths fail before they are met.
         with torch.device("meta"):
             network = build_network(card)
-        network.load_state_dict(weights, assign=True)
+        network.load_state_dict(network_weights(tensors), assign=True)
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
         raise CheckpointError(f"{path}: its weights don't fit its settings ({reason})") from error
     return Model(card, network.float().eval(), path)
+
+
+def network_weights(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The network's share of a file's tensors, by the names its `load_state_dict` takes."""
+    return {
+        name.removeprefix(_WEIGHTS): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(_WEIGHTS)
+    }
 
 
 def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Tensor]]:

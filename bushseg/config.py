@@ -5,7 +5,9 @@ so. `bushseg.toml` holds them by section ([prepare], [network], [train], [predic
 options override it, and what was resolved is stored beside every result.
 """
 
+import reprlib
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -186,10 +188,34 @@ class Config(Section):
         return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
 
 
+def first_difference(before: Section, now: Section) -> str | None:
+    """Name the first setting in which two groups of settings differ.
+
+    Returns:
+        For people: "augment.scale was 0.1, is 0.2"; None where the groups are equal.
+    """
+    old, new = dict(_flat(before.model_dump())), dict(_flat(now.model_dump()))
+    for name in old | new:
+        if old.get(name) != new.get(name):
+            return f"{name} was {reprlib.repr(old.get(name))}, is {reprlib.repr(new.get(name))}"
+    return None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings by dotted name."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
 def _first(error: ValidationError) -> str:
     """The first complaint of a validation, as one line."""
     detail = error.errors(include_url=False)[0]
     name = ".".join(str(part) for part in detail["loc"]) or "settings"
     if detail["type"] == "extra_forbidden":
         return f"{name} is no known setting; `bushseg config` lists them"
+    if detail["type"] == "missing":
+        return f"{name} is missing"
     return f"{name} is {detail['input']!r}: {detail['msg']}"

@@ -15,9 +15,10 @@ from bushseg.checkpoint import (
     ModelCard,
     build_network,
     load_checkpoint,
+    network_weights,
     save_model,
 )
-from bushseg.config import Config
+from bushseg.config import Config, first_difference
 from bushseg.dataset import Dataset
 from bushseg.errors import CheckpointError, ConfigError, DataError
 from bushseg.files import atomic_path
@@ -110,7 +111,7 @@ class Trainer:
         self.folder = folder
         self.config = config.model_copy(update={"prepare": dataset.config})
         self.progress = progress
-        self.state = TrainingState()
+        self.state = TrainingState(settings=config.train)
         self.train_tiles, self.held_out = dataset.split(config.train)
         self.card = _card(dataset, self.train_tiles, self.config)
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -133,21 +134,29 @@ class Trainer:
         Raises:
             CheckpointError: There is none, or it was trained with other settings or data.
         """
-        path = self.folder / LAST
-        card, state, tensors = load_checkpoint(path)
-        if card.model_copy(update={"metrics": {}}) != self.card:
-            raise CheckpointError(
-                f"{path}: was trained on other data or with other settings; resume with those of "
-                f"{self.folder / SETTINGS}, or start a new run"
-            )
-        prefix = "network."
-        weights = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+        path, settings = self.folder / LAST, self.config.train
+        card, values, tensors = load_checkpoint(path)
         try:
-            self.network.load_state_dict(weights)
-        except RuntimeError as error:
-            raise CheckpointError(f"{path}: its weights don't fit its settings") from error
-        restore_optimizer(self.network, self.optimizer, tensors)
-        self.state = TrainingState.from_dict(state)
+            state = TrainingState.from_dict(values, "training state")
+            state.confusion(card.scheme.num_classes)
+        except (CheckpointError, ConfigError) as error:
+            raise CheckpointError(f"{path}: can't be resumed ({error}); start a new run") from error
+        # More epochs don't change those that are done; any other setting would.
+        before = state.settings.model_copy(update={"epochs": settings.epochs})
+        card = card.model_copy(update={"metrics": {}})
+        if changed := first_difference(card, self.card) or first_difference(before, settings):
+            raise CheckpointError(
+                f"{path}: {changed}; resume with the data and the settings it was trained with "
+                f"({self.folder / SETTINGS}), or start a new run"
+            )
+        try:
+            self.network.load_state_dict(network_weights(tensors))
+            if state.has_begun:
+                restore_optimizer(self.network, self.optimizer, tensors)
+        except (CheckpointError, RuntimeError) as error:
+            reason = str(error).splitlines()[-1].strip()
+            raise CheckpointError(f"{path}: is damaged ({reason}); start a new run") from error
+        self.state = state.model_copy(update={"settings": settings})
 
     def run(self, stop: Callable[[], bool]) -> TrainResult:
         """Train the epochs that are left."""
@@ -243,7 +252,7 @@ class Trainer:
             self.card,
             self.network,
             extra=optimizer_tensors(self.network, self.optimizer),
-            state=self.state.as_dict(),
+            state=self.state.model_dump(),
         )
 
 

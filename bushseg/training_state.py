@@ -5,13 +5,14 @@ step), so a step comes out the same whether or not the run was interrupted befor
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Self
 
 import numpy as np
 import torch
+from pydantic import ConfigDict, Field, model_validator
 from torch import Tensor
 
+from bushseg.config import Section, TrainConfig
 from bushseg.errors import CheckpointError
 from bushseg.metrics import ConfusionMatrix
 from bushseg.models.bushnet import BushNet
@@ -19,48 +20,45 @@ from bushseg.models.bushnet import BushNet
 _OPTIMIZER = "optimizer."
 
 
-@dataclass
-class TrainingState:
-    """How far training has come.
+Count = Annotated[int, Field(ge=0, lt=2**62)]
 
-    Attributes:
-        epoch: The epoch under way, from 0.
-        step: Steps of it that are done.
-        loss_sum: Their losses, added up.
-        counts: Their confusion counts, row by row.
-        best: The best validation score so far; -1 before the first.
-        history: One row of metrics for each finished epoch.
-    """
 
-    epoch: int = 0
-    step: int = 0
-    loss_sum: float = 0.0
-    counts: list[list[int]] = field(default_factory=list)
-    best: float = -1.0
-    history: list[dict[str, float]] = field(default_factory=list)
+class TrainingState(Section):
+    """How far training has come, and with which settings. Unlike settings, it changes."""
+
+    model_config = ConfigDict(frozen=False)
+
+    settings: TrainConfig = Field(description="What it is trained with")
+    epoch: Count = Field(0, description="The epoch under way, from 0")
+    step: Count = Field(0, description="Steps of it that are done")
+    loss_sum: float = Field(0.0, description="Their losses, added up")
+    counts: list[list[Count]] = Field([], description="Their confusion counts, row by row")
+    best: float = Field(-1.0, description="The best score so far; -1 before the first")
+    history: list[dict[str, float]] = Field([], description="One row for each finished epoch")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if len(self.history) != self.epoch:
+            raise ValueError(f"expected one row of history for each of {self.epoch} epochs")
+        return self
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a step has been made, so that the optimizer holds moments."""
+        return self.epoch > 0 or self.step > 0
 
     def confusion(self, num_classes: int) -> ConfusionMatrix:
-        """The confusion matrix of the epoch under way."""
-        confusion = ConfusionMatrix(num_classes)
-        if self.counts:
-            confusion.counts += np.array(self.counts, dtype=np.int64)
-        return confusion
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "TrainingState":
-        """The inverse of :meth:`as_dict`.
+        """The confusion matrix of the epoch under way.
 
         Raises:
-            CheckpointError: The values are no training state.
+            CheckpointError: The counts are those of another number of classes.
         """
-        try:
-            return cls(**values)
-        except TypeError as error:
-            raise CheckpointError(f"the file holds no training state ({error})") from error
+        confusion = ConfusionMatrix(num_classes)
+        if self.counts:
+            if {len(self.counts), *map(len, self.counts)} != {num_classes}:
+                raise CheckpointError(f"counts aren't those of {num_classes} classes")
+            confusion.counts += np.array(self.counts, dtype=np.int64)
+        return confusion
 
 
 def generator(*numbers: int) -> np.random.Generator:
@@ -93,16 +91,18 @@ def restore_optimizer(
     """Put back what :func:`optimizer_tensors` took out.
 
     Raises:
-        CheckpointError: A moment has another shape than its parameter.
+        CheckpointError: A moment is missing, or has another shape or dtype than its parameter.
     """
     for name, parameter in network.named_parameters():
-        prefix = f"{_OPTIMIZER}{name}."
-        moments = {k.removeprefix(prefix): t for k, t in tensors.items() if k.startswith(prefix)}
-        for key, value in moments.items():
-            if key != "step" and value.shape != parameter.shape:
+        moments = {}
+        for key in ("step", "exp_avg", "exp_avg_sq"):
+            value = tensors.get(f"{_OPTIMIZER}{name}.{key}")
+            # Adam counts its steps on the processor, in float32, wherever the parameter lives.
+            like = torch.tensor(0.0) if key == "step" else parameter
+            if value is None or value.shape != like.shape or value.dtype != like.dtype:
+                found = "missing" if value is None else f"{tuple(value.shape)} {value.dtype}"
                 raise CheckpointError(
-                    f"optimizer state of {name} is {tuple(value.shape)}; expected "
-                    f"{tuple(parameter.shape)}"
+                    f"{key} of {name} is {found}; expected {tuple(like.shape)} {like.dtype}"
                 )
-        if moments:
-            optimizer.state[parameter] = moments
+            moments[key] = value.to(like.device)
+        optimizer.state[parameter] = moments

@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bushseg.config import Config, NetworkConfig, PrepareConfig, TrainConfig
+from bushseg.config import (
+    Config,
+    NetworkConfig,
+    PrepareConfig,
+    TrainConfig,
+    first_difference,
+)
 from bushseg.errors import ConfigError
 
 
@@ -28,6 +34,7 @@ def write(folder: Path, text: str) -> Path:
         (PrepareConfig, {"sampling": "fps"}, "sampling is 'fps'"),
         (TrainConfig, {"decay": 1.5}, "decay is 1.5"),
         (TrainConfig, {"augment": {"scale": 1}}, "augment.scale is 1"),
+        (TrainConfig, {"augment": 3}, "augment is 3"),
         (NetworkConfig, {"widths": [32, 30]}, "expected multiples of 4"),
         (NetworkConfig, {"widths": []}, "expected multiples of 4"),
     ],
@@ -45,6 +52,17 @@ def test_a_bad_setting_is_named_with_its_value(
 def test_settings_do_not_change() -> None:
     with pytest.raises(ValueError, match="frozen"):
         PrepareConfig().voxel_size = 1.0  # type: ignore[misc]
+
+
+def test_the_first_difference_is_named_with_both_values() -> None:
+    one = Config()
+    assert first_difference(one, Config()) is None
+    scale = one.train.augment.model_copy(update={"scale": 0.2})
+    other = one.train.model_copy(update={"augment": scale, "seed": 1})
+    assert first_difference(one.train, other) == "augment.scale was 0.1, is 0.2"
+    asprs = one.predict.model_copy(update={"asprs": {"bush": 4}})
+    assert first_difference(asprs, one.predict) == "asprs.bush was 4, is None"
+    assert first_difference(one.predict, asprs) == "asprs.bush was None, is 4"
 
 
 def test_randla_is_what_remains_when_the_papers_parts_are_switched_off() -> None:

@@ -162,14 +162,6 @@ def test_resume_needs_a_run(prepared, tiny, tmp_path):
         train(prepared, tmp_path / "nowhere", tiny(), resume=True)
 
 
-def test_resume_with_another_network(run, prepared, tiny, tmp_path):
-    folder = shutil.copytree(run, tmp_path / "run")
-    config = Config.load(folder / "config.toml")
-    other = NetworkConfig(**{**config.network.model_dump(), "attention": "se"})
-    with pytest.raises(CheckpointError, match="other settings"):
-        train(prepared, folder, config.model_copy(update={"network": other}), resume=True)
-
-
 def test_layers_must_match_the_data(prepared, tiny, tmp_path):
     config = tiny().model_copy(update={"network": NetworkConfig(widths=(8, 16, 16))})
     with pytest.raises(ConfigError, match="3 layers, the data 2 levels"):

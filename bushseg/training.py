@@ -36,6 +36,9 @@ from bushseg.training_state import (
 )
 from bushseg.validation import validate
 
+_CURVES_SECONDS = 20.0
+"""Drawing takes about a second: curves are drawn no more often than this, and at the end."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrainResult:
@@ -112,6 +115,7 @@ class Trainer:
         self.config = config.model_copy(update={"prepare": dataset.config})
         self.progress = progress
         self.state = TrainingState(settings=config.train)
+        self._drawn_at, self._undrawn = 0.0, False
         self.train_tiles, self.held_out = dataset.split(config.train)
         self.card = _card(dataset, self.train_tiles, self.config)
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -164,6 +168,7 @@ class Trainer:
         with atomic_path(self.folder / SETTINGS) as partial:
             partial.write_text(self.config.to_toml(), encoding="utf-8")
         num_points, seconds, stopped = 0, 0.0, False
+        self._drawn_at = time.monotonic()
         while self.state.epoch < settings.epochs and not stopped:
             begun = time.perf_counter()
             points, stopped = self._epoch(stop)
@@ -172,6 +177,8 @@ class Trainer:
                 self._save_last()
             else:
                 self._finish_epoch(points / max(time.perf_counter() - begun, 1e-9))
+        if self._undrawn:
+            self._draw_curves()
         return TrainResult(
             self.folder, self.state.epoch, self.state.history, stopped, num_points, seconds
         )
@@ -243,8 +250,14 @@ class Trainer:
             save_model(self.folder / BEST, self.card, self.network)
         self._save_last()
         write_history(self.folder / METRICS, state.history)
-        plot_curves(state.history, self.folder / CURVES)
+        self._undrawn = True
+        if time.monotonic() - self._drawn_at >= _CURVES_SECONDS:
+            self._draw_curves()
         self.progress.note(summarize(state.history[-1], self.config.train.epochs))
+
+    def _draw_curves(self) -> None:
+        plot_curves(self.state.history, self.folder / CURVES)
+        self._drawn_at, self._undrawn = time.monotonic(), False
 
     def _save_last(self) -> None:
         save_model(

@@ -11,7 +11,7 @@ from safetensors.torch import save_file
 from bushseg.checkpoint import load_checkpoint
 from bushseg.config import Config, NetworkConfig
 from bushseg.errors import CheckpointError, ConfigError, WriteError
-from bushseg.runs import BEST, LAST
+from bushseg.runs import BEST, CURVES, LAST, METRICS
 from bushseg.training import train
 
 
@@ -140,3 +140,30 @@ def test_a_best_model_alone_cannot_be_resumed(copy, prepared, longer):
     shutil.copy(copy / BEST, copy / LAST)
     with pytest.raises(CheckpointError, match="settings is missing"):
         train(prepared, copy, longer, resume=True)
+
+
+def test_curves_are_drawn_at_the_end(prepared, tiny, tmp_path, drawn):
+    train(prepared, tmp_path / "run", tiny(epochs=3, steps_per_epoch=1))
+    assert drawn == [3]
+
+
+def test_curves_are_drawn_on_the_way_when_it_takes_long(
+    prepared, tiny, tmp_path, drawn, monkeypatch
+):
+    monkeypatch.setattr("bushseg.training._CURVES_SECONDS", 0.0)
+    train(prepared, tmp_path / "run", tiny(epochs=3, steps_per_epoch=1))
+    assert drawn == [1, 2, 3]
+
+
+def test_an_interrupted_run_has_its_curves(prepared, tiny, tmp_path, drawn):
+    answers = iter([False, True])  # one step an epoch: stops in the second
+    config = tiny(epochs=3, steps_per_epoch=1)
+    result = train(prepared, tmp_path / "run", config, stop=lambda: next(answers))
+    assert (result.interrupted, drawn) == (True, [1])
+    assert (tmp_path / "run" / METRICS).exists()
+
+
+def test_nothing_new_is_nothing_to_draw(copy, prepared, drawn):
+    train(prepared, copy, resume=True)
+    assert drawn == []
+    assert (copy / CURVES).exists()

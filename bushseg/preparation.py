@@ -146,8 +146,8 @@ def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Itera
         unknown.add(Encoded(_NO_LABELS, codes, manifest["invalid_codes"]))
     if unknown.num_points:
         yield (
-            f"{unknown.num_points:,} points taken as unlabelled, for scheme {scheme.name!r} "
-            f"doesn't know their codes: {unknown}"
+            f"{unknown.num_points:,} points have codes that scheme {scheme.name!r} doesn't know "
+            f"and are taken as unlabelled: {unknown}"
         )
     bare = [manifest["path"] for manifest in manifests if not manifest["has_labels"]]
     if bare:

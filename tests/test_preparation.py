@@ -275,7 +275,7 @@ def test_unknown_codes_are_counted_and_skipped_points_reported(tmp_path: Path, s
     odd = save_ply(site / "odd.ply", (2, 77))
     result = run(tmp_path, odd)
     assert len(result.warnings) == 1
-    assert "500 points taken as unlabelled" in result.warnings[0]
+    assert "500 points have codes" in result.warnings[0]
     assert "77 (500)" in result.warnings[0]
     assert result.class_counts["ground"] > 0
     assert result.class_counts["bush"] == 0

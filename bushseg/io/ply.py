@@ -1,17 +1,20 @@
 """PLY: ASCII and binary of either byte order, any properties, faces passed over.
 
-The header is parsed here and not by a library because it must be checked against the file's size
-before anything is allocated, and because the vertices of a large scan must stream.
+plyfile parses and writes the headers. The points are read here: it would allocate what a header
+claims before looking for it, hold the whole scan, and parse text a row at a time in Python.
 """
 
+import io
 import os
-import struct
+import string
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
+from urllib.parse import quote, unquote
 
 import numpy as np
+from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 
 from bushseg.errors import ReadError
 from bushseg.io.ascii import Body, read_rows, skip_lines
@@ -27,54 +30,36 @@ from bushseg.io.table import (
     find_label,
 )
 
-_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-    "float64": "f8",
-}
+_FORMATS = {"=": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
 _MAX_HEADER_BYTES = 1 << 20
 _MAX_DIGITS = 20
+_PLAIN = string.punctuation.replace("%", "")
 
 
 @dataclass(frozen=True, slots=True)
-class _Property:
-    name: str
-    dtype: np.dtype[Any]
-    length: np.dtype[Any] | None = None  # of a list property: the type of its leading count
-
-
-@dataclass(slots=True)
 class _Element:
+    """Rows of one kind: the vertices, say.
+
+    Attributes:
+        name: What the header calls them.
+        count: How many rows the header claims.
+        dtype: One field a property; of a list property, the type of its items.
+        lengths: List property to the type of the number before its items.
+    """
+
     name: str
     count: int
-    properties: list[_Property]
+    dtype: np.dtype[Any]
+    lengths: Mapping[str, np.dtype[Any]]
 
     @property
-    def has_lists(self) -> bool:
-        return any(item.length is not None for item in self.properties)
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        return np.dtype([(item.name, item.dtype) for item in self.properties])
+    def properties(self) -> tuple[str, ...]:
+        return self.dtype.names or ()
 
     @property
     def min_row_bytes(self) -> int:
         """The size of a row in binary; with lists, of a row whose lists are empty."""
-        return sum((item.length or item.dtype).itemsize for item in self.properties)
+        return sum(self.lengths.get(name, self.dtype[name]).itemsize for name in self.properties)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +98,11 @@ def open_ply(path: Path) -> ScanReader:
     if vertex is None or vertex.count == 0:
         found = "no vertex element" if vertex is None else "0 vertices"
         raise ReadError(path, found, "a point cloud with at least one vertex")
-    if vertex.has_lists:
+    if vertex.lengths:
         raise ReadError(path, "vertices with a list property", "one number a vertex and property")
-    coordinates = find_coordinates(item.name for item in vertex.properties)
+    coordinates = find_coordinates(vertex.properties)
     if coordinates is None:
-        names = ", ".join(item.name for item in vertex.properties)
+        names = ", ".join(vertex.properties)
         raise ReadError(path, f"vertices with the properties {names}", "x, y and z among them")
 
     binary = header.format != "ascii"
@@ -149,48 +134,55 @@ def open_ply(path: Path) -> ScanReader:
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:
-    """Parse up to and including the line "end_header"."""
-    if file.readline(_MAX_HEADER_BYTES).strip() != b"ply":
-        raise ReadError(path, "no 'ply' on its first line", "a PLY file")
-    ply_format = order = ""
-    elements: list[_Element] = []
-    num_lines = 1
-    while True:
+    """Parse up to and including the line "end_header".
+
+    plyfile sees the header with every count 0, for it allocates the counts it sees, and in ASCII,
+    for it takes nothing else: other characters are percent-encoded meanwhile.
+    """
+    lines: list[str] = []
+    counts: list[int] = []
+    while lines[-1:] != ["end_header"]:
         raw = file.readline(_MAX_HEADER_BYTES)
-        num_lines += 1
+        words = [quote(word, safe=_PLAIN) for word in raw.split()]
+        if not lines and words != ["ply"]:
+            raise ReadError(path, "no 'ply' on its first line", "a PLY file")
         if not raw.endswith(b"\n") or file.tell() > _MAX_HEADER_BYTES:
             raise ReadError(path, "a header without an end", "the line 'end_header'")
-        words = raw.decode("latin-1").split()
         match words:
-            case ["end_header"]:
-                break
-            case ["format", ply_format, "1.0"] if ply_format in _BYTE_ORDERS and not elements:
-                order = _BYTE_ORDERS[ply_format]
-            case ["element", name, count] if (
-                order and count.isdecimal() and len(count) <= _MAX_DIGITS
-            ):
-                elements.append(_Element(name, int(count), []))
-            case ["property", "list", length, kind, name] if (
-                elements and kind in _TYPES and _TYPES.get(length, "f")[0] != "f"
-            ):
-                elements[-1].properties.append(
-                    _Property(
-                        name, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[length])
-                    )
-                )
-            case ["property", kind, name] if elements and kind in _TYPES:
-                elements[-1].properties.append(_Property(name, np.dtype(order + _TYPES[kind])))
-            case [] | ["comment" | "obj_info", *_]:
-                pass
-            case _:
-                raise ReadError(
-                    path, f"header line {num_lines} {' '.join(words)[:60]!r}", "PLY 1.0 syntax"
-                )
-    for element in elements:
-        names = [item.name for item in element.properties]
-        if len(set(names)) != len(names):
-            raise ReadError(path, f"a property twice in {element.name!r}", "different names")
-    return _Header(ply_format, elements, file.tell(), num_lines)
+            case [] | ["obj_info", *_]:  # plyfile takes neither everywhere
+                words = ["comment"]
+            case ["element", _, count] if count.isdecimal() and len(count) <= _MAX_DIGITS:
+                counts.append(int(count))
+                words[2] = "0"
+            case ["element", *_]:
+                found = f"{' '.join(words)[:60]!r} in header line {len(lines) + 1}"
+                raise ReadError(path, found, "an element's name and count")
+        lines.append(" ".join(words))
+    try:
+        ply = PlyData.read(io.BytesIO("\n".join([*lines, ""]).encode("ascii")), mmap=False)
+        elements = [
+            _parse_element(element, count, ply.byte_order)
+            for element, count in zip(ply.elements, counts, strict=True)
+        ]
+    except (PlyParseError, ValueError) as error:
+        raise ReadError(
+            path, f"a malformed header ({error})", "PLY 1.0; export it again"
+        ) from error
+    return _Header(_FORMATS[ply.byte_order], elements, file.tell(), len(lines))
+
+
+def _parse_element(element: PlyElement, count: int, order: str) -> _Element:
+    fields: dict[str, np.dtype[Any]] = {}
+    lengths: dict[str, np.dtype[Any]] = {}
+    for item in element.properties:
+        name = unquote(item.name)
+        if isinstance(item, PlyListProperty):
+            lengths[name], fields[name] = map(np.dtype, item.list_dtype(order))
+            if lengths[name].kind == "f":
+                raise ValueError(f"the length of list {name!r} is a float")
+        else:
+            fields[name] = np.dtype(item.dtype(order))
+    return _Element(unquote(element.name), count, np.dtype(list(fields.items())), lengths)
 
 
 def _skip_binary(path: Path, header: _Header, elements: list[_Element]) -> int:
@@ -206,7 +198,7 @@ def _skip_binary(path: Path, header: _Header, elements: list[_Element]) -> int:
                     f"more for the {element.count:,} rows of {element.name!r} in its header; the "
                     "file is truncated",
                 )
-            if element.has_lists:
+            if element.lengths:
                 file.seek(offset)
                 _skip_rows_with_lists(path, file, element)
                 offset = file.tell()
@@ -216,25 +208,19 @@ def _skip_binary(path: Path, header: _Header, elements: list[_Element]) -> int:
 
 
 def _skip_rows_with_lists(path: Path, file: BinaryIO, element: _Element) -> None:
-    steps: list[tuple[struct.Struct | None, int]] = []
-    for item in element.properties:
-        if item.length is None:
-            steps.append((None, item.dtype.itemsize))
-        else:
-            order = ">" if item.length.byteorder == ">" else "<"
-            steps.append((struct.Struct(order + item.length.char), item.dtype.itemsize))
-    for _ in range(element.count if steps else 0):
-        for length, itemsize in steps:
-            if length is None:
-                file.seek(itemsize, os.SEEK_CUR)
-                continue
-            raw = file.read(length.size)
-            count = length.unpack(raw)[0] if len(raw) == length.size else -1
-            if count < 0:
-                raise ReadError(
-                    path, f"a damaged or truncated list in {element.name!r}", "its length"
-                )
-            file.seek(count * itemsize, os.SEEK_CUR)
+    steps = [(element.lengths.get(name), element.dtype[name]) for name in element.properties]
+    for _ in range(element.count):
+        for length, item in steps:
+            num_items = 1
+            if length is not None:
+                raw = file.read(length.itemsize)
+                order: Literal["big", "little"] = "big" if length.byteorder == ">" else "little"
+                num_items = int.from_bytes(raw, order, signed=length.kind == "i")
+                if len(raw) < length.itemsize or num_items < 0:
+                    raise ReadError(
+                        path, f"a damaged or truncated list in {element.name!r}", "its length"
+                    )
+            file.seek(num_items * item.itemsize, os.SEEK_CUR)
 
 
 class PlyWriter(TableWriter):
@@ -246,11 +232,10 @@ class PlyWriter(TableWriter):
         return np.dtype("<f8") if stored.kind in "iu" and stored.itemsize == 8 else stored
 
     def _header(self, dtype: np.dtype[Any]) -> bytes:
-        # The first eight of the table are PLY 1.0's own names, which every program knows.
-        names = {code: name for name, code in list(_TYPES.items())[:8]}
-        lines = ["ply", "format binary_little_endian 1.0", f"element vertex {self._num_points}"]
-        lines += [f"property {names[dtype[name].str[1:]]} {name}" for name in dtype.names or ()]
-        return "\n".join([*lines, "end_header", ""]).encode("ascii")
+        # A view that repeats one row: plyfile describes data, and none is needed for a header.
+        rows = np.broadcast_to(np.zeros((), dtype), self._num_points)
+        ply = PlyData([PlyElement.describe(rows, "vertex")], byte_order="<")
+        return f"{ply.header}\n".encode("ascii")
 
 
 def create_ply(path: Path, source: ScanReader, added: Mapping[str, np.dtype[Any]]) -> PlyWriter:  # noqa: ARG001

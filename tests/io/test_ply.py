@@ -75,6 +75,17 @@ def test_passes_over_lists_before_the_vertices(tmp_path: Path, encoding: str) ->
     assert open_ply(path).read().xyz.tolist() == [[7, 8, 9]]
 
 
+def test_names_and_comments_in_any_language(tmp_path: Path) -> None:
+    header = (
+        "ply\nformat ascii 1.0\ncomment levé à pied\n\nelement vertex 1\nobj_info 1 scan\n"
+        + PROPERTIES.decode()
+        + "property uchar scalar_à\nproperty uchar 高さ\nproperty uchar 50%25\nend_header \n"
+    )
+    path = tmp_path / "names.ply"
+    path.write_bytes(header.encode() + b"0 0 0 1 2 3\n")
+    assert list(open_ply(path).read().attributes) == ["scalar_à", "高さ", "50%25"]
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -84,10 +95,16 @@ def test_passes_over_lists_before_the_vertices(tmp_path: Path, encoding: str) ->
         (b"ply\nformat ascii 2.0\nend_header\n", "line 2"),
         (b"ply\nformat ascii 1.0\nend_header\n", "no vertex element"),
         (b"ply\nformat ascii 1.0\nelement vertex -1\nend_header\n", "line 3"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1_000\nend_header\n", "line 3"),
+        (b"ply\nformat ascii 1.0\nelement\x1cvertex\x1c%d\nend_header\n" % 2**40, "line 3"),
+        (
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty list float int n\nend_header\n",
+            "float",
+        ),
         (b"ply\nformat ascii 1.0\nproperty float x\nend_header\n", "line 3"),
         (HEADER % (b"ascii", 0, PROPERTIES), "0 vertices"),
         (HEADER % (b"ascii", 1, b"property float x\n"), "x, y and z"),
-        (HEADER % (b"ascii", 1, PROPERTIES * 2), "twice"),
+        (HEADER % (b"ascii", 1, PROPERTIES * 2), "same name"),
         (HEADER % (b"ascii", 1, b"property float128 x\n"), "line 4"),
         (HEADER % (b"ascii", 1, PROPERTIES + b"property list int int n\n"), "list property"),
         (HEADER % (b"ascii", 2**60, PROPERTIES) + b"0 0 0\n", "truncated"),

@@ -9,14 +9,12 @@ its errors, so that line is found here.
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bushseg.errors import ReadError
-from bushseg.io.table import Table
+from bushseg.io.stream import Body, Table
 
 BLOCK_BYTES = 1 << 24
 _MAX_LINE_BYTES = 1 << 16
@@ -24,25 +22,6 @@ _MAX_LINE_BYTES = 1 << 16
 # A line that begins so may be blank or a comment; few files have any, so look before substituting.
 _SUSPECT = re.compile(rb"\n[\s#/]")
 _NOT_A_ROW = re.compile(rb"^[^\S\n]*(?:(?:#|//)[^\n]*)?(?:\n|\Z)", re.MULTILINE)
-
-
-@dataclass(frozen=True, slots=True)
-class Body:
-    """Where a file's rows begin and how they read.
-
-    Attributes:
-        path: The file.
-        offset: Bytes before the first row.
-        line: Number of the first row's line, counting from 1.
-        dtype: One field a column; a field of shape (M,) takes M columns.
-        delimiter: Between values; None for any white space.
-    """
-
-    path: Path
-    offset: int
-    line: int
-    dtype: np.dtype[Any]
-    delimiter: str | None = None
 
 
 def count_rows(path: Path, offset: int = 0) -> int:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import ReadError, WriteError
-from bushseg.io.ascii import Body, read_rows
+from bushseg.io.ascii import read_rows
 from bushseg.io.base import CHUNK_POINTS, Codes, Columns, ScanReader, ScanWriter
 from bushseg.io.sniff import check_file
-from bushseg.io.stream import AppendingWriter
+from bushseg.io.stream import AppendingWriter, Body
 from bushseg.points import PointCloud
 
 KITTI_DTYPE = np.dtype("<u4")

@@ -10,7 +10,8 @@ from bushseg.errors import ReadError
 from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
 from bushseg.io.codes import KITTI_CLASS_BITS, KITTI_DTYPE, check_label_size
 from bushseg.io.sniff import check_file
-from bushseg.io.table import Table, TableReader
+from bushseg.io.stream import Table
+from bushseg.io.table import TableReader
 
 _DTYPE = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
 # The folder of frames, and the folder beside it that holds their labels.

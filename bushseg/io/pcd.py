@@ -15,19 +15,9 @@ from numpy.typing import NDArray
 
 from bushseg.errors import ReadError
 from bushseg.io import lzf
-from bushseg.io.ascii import Body, read_rows
-from bushseg.io.base import ScanInfo, ScanReader
-from bushseg.io.stream import read_records
-from bushseg.io.table import (
-    PADDING,
-    Coordinates,
-    Table,
-    TableReader,
-    TableWriter,
-    attribute_dtypes,
-    find_coordinates,
-    find_label,
-)
+from bushseg.io.base import ScanReader
+from bushseg.io.stream import Body, Table
+from bushseg.io.table import PADDING, BodyReader, TableWriter, find_coordinates
 
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 _TYPE_SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
@@ -50,22 +40,12 @@ class _Header:
     num_lines: int
 
 
-class PcdReader(TableReader):
-    """An open PCD file."""
-
-    def __init__(self, info: ScanInfo, coordinates: Coordinates, body: Body, encoding: str) -> None:
-        super().__init__(info, coordinates)
-        self._body = body
-        self._encoding = encoding
+class CompressedReader(BodyReader):
+    """An open PCD file whose body is compressed, which only lets itself be read whole."""
 
     def _tables(self, size: int) -> Iterator[Table]:
-        body, num_points = self._body, self.info.num_points
-        if self._encoding == "ascii":
-            return read_rows(body, size, limit=num_points)
-        if self._encoding == "binary":
-            return read_records(body.path, body.offset, body.dtype, num_points, size)
         table = self._decompressed()
-        return (table[start : start + size] for start in range(0, num_points, size))
+        return (table[start : start + size] for start in range(0, len(table), size))
 
     def _decompressed(self) -> Table:
         """The whole cloud: its one compressed block holds each field's values of all points."""
@@ -105,17 +85,15 @@ def open_pcd(path: Path) -> ScanReader:
     coordinates = find_coordinates(names)
     if coordinates is None or any(header.dtype[name].shape for name in coordinates):
         raise ReadError(path, f"the fields {', '.join(names)[:200]}", "x, y and z, one value each")
-    attributes = attribute_dtypes(header.dtype, coordinates)
-    info = ScanInfo(
-        path=path,
-        format=f"PCD {header.encoding}",
-        num_points=header.num_points,
-        attributes=attributes,
-        label_attribute=find_label(attributes),
+    reader = CompressedReader if header.encoding == "binary_compressed" else BodyReader
+    return reader(
+        f"PCD {header.encoding}",
+        header.num_points,
+        Body(path, header.num_bytes, header.num_lines + 1, header.dtype),
+        coordinates,
+        is_text=header.encoding == "ascii",
         sensor_position=header.sensor_position,
     )
-    body = Body(path, header.num_bytes, header.num_lines + 1, header.dtype)
-    return PcdReader(info, coordinates, body, header.encoding)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:

@@ -7,7 +7,7 @@ claims before looking for it, hold the whole scan, and parse text a row at a tim
 import io
 import os
 import string
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -17,18 +17,10 @@ import numpy as np
 from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 
 from bushseg.errors import ReadError
-from bushseg.io.ascii import Body, read_rows, skip_lines
-from bushseg.io.base import ScanInfo, ScanReader
-from bushseg.io.stream import read_records
-from bushseg.io.table import (
-    Coordinates,
-    Table,
-    TableReader,
-    TableWriter,
-    attribute_dtypes,
-    find_coordinates,
-    find_label,
-)
+from bushseg.io.ascii import skip_lines
+from bushseg.io.base import ScanReader
+from bushseg.io.stream import Body
+from bushseg.io.table import BodyReader, TableWriter, find_coordinates
 
 _FORMATS = {"=": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
 _MAX_HEADER_BYTES = 1 << 20
@@ -70,21 +62,6 @@ class _Header:
     num_lines: int
 
 
-class PlyReader(TableReader):
-    """An open PLY file."""
-
-    def __init__(self, info: ScanInfo, coordinates: Coordinates, body: Body, binary: bool) -> None:
-        super().__init__(info, coordinates)
-        self._body = body
-        self._binary = binary
-
-    def _tables(self, size: int) -> Iterator[Table]:
-        body, num_points = self._body, self.info.num_points
-        if self._binary:
-            return read_records(body.path, body.offset, body.dtype, num_points, size)
-        return read_rows(body, size, limit=num_points)
-
-
 def open_ply(path: Path) -> ScanReader:
     """Open a PLY file.
 
@@ -121,16 +98,10 @@ def open_ply(path: Path) -> ScanReader:
             f"at least {vertex.count * min_row_bytes:,} for the {vertex.count:,} in its header; "
             "the file is truncated",
         )
-    attributes = attribute_dtypes(vertex.dtype, coordinates)
-    info = ScanInfo(
-        path=path,
-        format=f"PLY {header.format}",
-        num_points=vertex.count,
-        attributes=attributes,
-        label_attribute=find_label(attributes),
-    )
     line = header.num_lines + sum(item.count for item in before) + 1
-    return PlyReader(info, coordinates, Body(path, offset, line, vertex.dtype), binary)
+    body = Body(path, offset, line, vertex.dtype)
+    name = f"PLY {header.format}"
+    return BodyReader(name, vertex.count, body, coordinates, is_text=not binary)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:

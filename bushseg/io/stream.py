@@ -1,31 +1,52 @@
 """Records from a file in chunks, and chunks appended to a file: what the formats' bodies share."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bushseg.errors import WriteError
 from bushseg.io.base import ScanReader, ScanWriter
-from bushseg.points import AttributeArray
+
+Table = NDArray[np.void]
+"""A structured array: a row a point, a field a column."""
 
 _CHUNK_BYTES = 1 << 27
 
 
-def read_records(
-    path: Path, offset: int, dtype: np.dtype[Any], count: int, size: int
-) -> Iterator[AttributeArray]:
-    """Yield `count` binary records from `offset` on, at most `size` at a time.
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Where a file's rows begin and how they read.
 
-    Wide records (a descriptor a point) come in smaller chunks, so that memory stays bounded.
+    Attributes:
+        path: The file.
+        offset: Bytes before the first row.
+        line: Of text: the number of the first row's line, counting from 1.
+        dtype: One field a column; a field of shape (M,) takes M columns.
+        delimiter: Of text: what stands between values; None for any white space.
+    """
+
+    path: Path
+    offset: int
+    line: int
+    dtype: np.dtype[Any]
+    delimiter: str | None = None
+
+
+def read_records(body: Body, size: int, count: int) -> Iterator[Table]:
+    """Yield `count` binary rows in order, at most `size` at a time.
+
+    Wide rows (a descriptor a point) come in smaller chunks, so that memory stays bounded.
     A file that ends early yields fewer; whoever counts them knows what to say about it.
     """
-    size = max(1, min(size, _CHUNK_BYTES // dtype.itemsize))
-    with path.open("rb") as file:
-        file.seek(offset)
+    size = max(1, min(size, _CHUNK_BYTES // body.dtype.itemsize))
+    with body.path.open("rb") as file:
+        file.seek(body.offset)
         for start in range(0, count, size):
-            yield np.fromfile(file, dtype=dtype, count=min(size, count - start))
+            yield np.fromfile(file, dtype=body.dtype, count=min(size, count - start))
 
 
 class AppendingWriter(ScanWriter):

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bushseg.errors import ReadError, WriteError
+from bushseg.io.ascii import read_rows
 from bushseg.io.base import CHUNK_POINTS, Codes, Columns, ScanInfo, ScanReader
-from bushseg.io.stream import AppendingWriter
-from bushseg.points import AttributeArray, PointCloud
+from bushseg.io.stream import AppendingWriter, Body, Table, read_records
+from bushseg.points import AttributeArray, FloatArray, PointCloud
 
-Table = NDArray[np.void]
 Coordinates = tuple[str, str, str]
 
 PADDING = "\0"
@@ -123,6 +122,46 @@ class TableReader(ScanReader):
             for name, dtype in self.info.attributes.items()
         }
         return PointCloud(xyz, attributes)
+
+
+class BodyReader(TableReader):
+    """A scan whose rows follow each other in one stretch of the file, as text or binary.
+
+    Args:
+        name: The format's, for people.
+        num_points: How many rows there are.
+        body: Where they begin, and their columns.
+        coordinates: The columns that hold x, y and z.
+        is_text: Whether the rows are lines of text.
+        sensor_position: Where the sensor stood, shape (3,), or None.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        num_points: int,
+        body: Body,
+        coordinates: Coordinates,
+        *,
+        is_text: bool,
+        sensor_position: FloatArray | None = None,
+    ) -> None:
+        attributes = attribute_dtypes(body.dtype, coordinates)
+        info = ScanInfo(
+            path=body.path,
+            format=name,
+            num_points=num_points,
+            attributes=attributes,
+            label_attribute=find_label(attributes),
+            sensor_position=sensor_position,
+        )
+        super().__init__(info, coordinates)
+        self._body = body
+        self._is_text = is_text
+
+    def _tables(self, size: int) -> Iterator[Table]:
+        read = read_rows if self._is_text else read_records
+        return read(self._body, size, self.info.num_points)
 
 
 class TableWriter(AppendingWriter):

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from bushseg.errors import ReadError
-from bushseg.io.ascii import Body, count_rows, read_rows
+from bushseg.io.ascii import count_rows, read_rows
 from bushseg.io.base import ScanInfo, ScanReader, ScanWriter
 from bushseg.io.codes import TEXT_DTYPE
 from bushseg.io.sniff import check_file
+from bushseg.io.stream import Body, Table
 from bushseg.io.table import (
     LABEL,
     Coordinates,
-    Table,
     TableReader,
     TableWriter,
     attribute_dtypes,

@@ -14,10 +14,10 @@ def test_read_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "records"
     path.write_bytes(b"head" + np.arange(10, dtype="<u2").tobytes() + b"tail")
 
+    body = stream.Body(path, 4, 1, np.dtype("<u2"))
+
     def read(count: int, size: int) -> list[list[int]]:
-        return [
-            part.tolist() for part in stream.read_records(path, 4, np.dtype("<u2"), count, size)
-        ]
+        return [part.tolist() for part in stream.read_records(body, size, count)]
 
     assert read(3, 10) == [[0, 1, 2]]
     assert read(5, 2) == [[0, 1], [2, 3], [4]]
@@ -30,7 +30,8 @@ def test_read_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_file_that_ends_early_gives_what_there_is(tmp_path: Path) -> None:
     path = tmp_path / "records"
     path.write_bytes(bytes(5))
-    assert sum(map(len, stream.read_records(path, 0, np.dtype("<u2"), 100, 10))) == 2
+    body = stream.Body(path, 0, 1, np.dtype("<u2"))
+    assert sum(map(len, stream.read_records(body, 10, 100))) == 2
 
 
 def test_writing_starts_anew_and_says_what_the_disk_refused(tmp_path: Path) -> None:

@@ -79,6 +79,19 @@ def source_values(cloud: PointCloud, columns: Mapping[str, str]) -> dict[str, ND
     return values
 
 
+def full_scale(colors: NDArray[np.float32]) -> float:
+    """The value that stands for full brightness, by the largest of a whole scan's colors.
+
+    Args:
+        colors: Of any shape, float32.
+
+    Returns:
+        1 for unit range, 255 for 8 bit, 65535 for 16 bit.
+    """
+    top = float(colors.max(initial=0))
+    return 1.0 if top <= 1 else 255.0 if top <= 255 else 65535.0
+
+
 def normalize(
     values: Mapping[str, NDArray[np.float32]], height: NDArray[np.float32]
 ) -> dict[str, NDArray[np.float32]]:
@@ -99,10 +112,8 @@ def normalize(
     features: dict[str, NDArray[np.float32]] = {}
     if "red" in values:
         rgb = np.stack([values["red"], values["green"], values["blue"]], axis=1)
-        top = float(rgb.max(initial=0))
         if (rgb != rgb[:1]).any():
-            full = 1.0 if top <= 1 else 255.0 if top <= 255 else 65535.0
-            features["rgb"] = (rgb / full * 2 - 1).astype(np.float32)
+            features["rgb"] = (rgb / full_scale(rgb) * 2 - 1).astype(np.float32)
     if "intensity" in values:
         intensity = values["intensity"]
         sample = intensity[:: max(1, len(intensity) // _QUANTILE_POINTS)]

@@ -1,17 +1,17 @@
 """A scan as a picture: which colors its points get, and a drawing of them."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import DataError
-from bushseg.features import source_columns, source_values
+from bushseg.features import full_scale, source_columns, source_values
 from bushseg.files import check_output
 from bushseg.io import open_scan
 from bushseg.io.base import ScanReader
-from bushseg.points import PointCloud
+from bushseg.points import FloatArray, PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.render import render
 from bushseg.scheme import ClassScheme
@@ -52,23 +52,28 @@ def picture(
         BushsegError: The scan can't be read or the picture can't be written.
     """
     check_output(output, (scan,), overwrite=overwrite)
-    xyz, colors = [], []
+    xyz: list[FloatArray] = []
+    shades: list[NDArray[Any]] = []
     with open_scan(scan) as reader:
         step = -(-reader.info.num_points // MAX_POINTS)
         progress.start(f"reading {reader.info.path.name}", reader.info.num_points, "points")
         for chunk in reader.chunks():
             xyz.append(chunk.xyz[::step])
-            if color_by != "height":
-                shade = class_colors if color_by == "class" else true_colors
-                colors.append(shade(chunk, reader, scheme)[::step])
+            if color_by == "class":
+                shades.append(class_colors(chunk, reader, scheme)[::step])
+            elif color_by == "rgb":
+                shades.append(true_colors(chunk, reader)[::step])
             progress.advance(len(chunk))
     points = np.concatenate(xyz)
-    shades = np.concatenate(colors) if colors else height_colors(points)
-    render(points, shades, output, view=view)
+    colors: NDArray[Any] = np.concatenate(shades) if shades else height_colors(points)
+    if color_by == "rgb":
+        # Scaled only now: a dark chunk by itself may look like another range than the scan's.
+        colors = colors * (255 / full_scale(colors))
+    render(points, colors.astype(np.uint8), output, view=view)
 
 
 def class_colors(chunk: PointCloud, reader: ScanReader, scheme: ClassScheme) -> NDArray[np.uint8]:
-    """Each point's class color, gray where it has none, (N, 3)."""
+    """Each point's class color, gray where it has none, (N, 3) uint8."""
     if "class_index" in chunk.attributes:
         labels = scheme.encode_indices(chunk.attributes["class_index"]).labels
     elif reader.info.label_attribute is not None:
@@ -78,19 +83,16 @@ def class_colors(chunk: PointCloud, reader: ScanReader, scheme: ClassScheme) -> 
     return np.concatenate([scheme.colors, _GRAY[None]])[labels]
 
 
-def true_colors(chunk: PointCloud, reader: ScanReader, _: ClassScheme) -> NDArray[np.uint8]:
-    """Each point's own color, (N, 3)."""
+def true_colors(chunk: PointCloud, reader: ScanReader) -> NDArray[np.float32]:
+    """Each point's own color in the file's own scale, (N, 3) float32."""
     values = source_values(chunk, source_columns(chunk.attributes))
     if "red" not in values:
         raise DataError(f"{reader.info.path}: has no colors; color by class or height")
-    rgb = np.stack([values[name] for name in ("red", "green", "blue")], axis=1)
-    top = rgb.max(initial=0)
-    full = 1 if top <= 1 else 255 if top <= 255 else 65535
-    return (rgb * (255 / full)).astype(np.uint8)
+    return np.stack([values[name] for name in ("red", "green", "blue")], axis=1)
 
 
 def height_colors(xyz: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Blue to yellow from the lowest to the highest percent of points, (N, 3)."""
+    """Blue to yellow from the lowest to the highest percent of points, (N, 3) uint8."""
     z = np.nan_to_num(xyz[:, 2])
     low, high = np.quantile(z, (0.01, 0.99))
     share = np.clip((z - low) / max(high - low, 1e-9), 0, 1)[:, None]

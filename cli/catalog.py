@@ -37,7 +37,7 @@ def labels(
     if as_json:
         print_json(chosen.model_dump(mode="json"))
     elif as_toml:
-        out.print(dump_scheme(chosen), markup=False)
+        out.print(dump_scheme(chosen))
     else:
         out.print(f"{'index':>5}  {'class':24} {'codes':16} {'LAS':>4}  color")
         for index, info in enumerate(chosen.classes):
@@ -101,7 +101,7 @@ def config(
 
     text = Config.load(file).to_toml()
     if output is None:
-        out.print(text, markup=False)
+        out.print(text)
         return
     check_output(output, overwrite=False)
     with atomic_path(output) as partial:

@@ -20,8 +20,16 @@ from rich.progress import (
 )
 from rich.text import Text
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+def _console(*, stderr: bool, quiet: bool = False) -> Console:
+    # A file may be called "[bold].las" or "site:car:.las": what we print is text, never markup.
+    return Console(
+        stderr=stderr, quiet=quiet, highlight=False, soft_wrap=True, markup=False, emoji=False
+    )
+
+
+out = _console(stderr=False)
+err = _console(stderr=True)
 
 
 class _RateColumn(ProgressColumn):
@@ -57,7 +65,7 @@ class _RichProgress:
 
     def note(self, message: str) -> None:
         """Print a line that stays."""
-        self._progress.console.print(message, markup=False)
+        self._progress.console.print(message)
 
 
 @contextmanager
@@ -67,9 +75,9 @@ def progress(*, quiet: bool = False) -> Iterator[_RichProgress]:
     Args:
         quiet: Show nothing at all.
     """
-    console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
+    console = _console(stderr=True, quiet=quiet)
     with Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         _RateColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
@@ -92,13 +100,13 @@ def shorten(value: float) -> str:
 
 def print_json(result: Any) -> None:
     """Print a result for machines: one JSON object; NaN becomes null."""
-    out.print(json.dumps(_plain(result), indent=1), markup=False, soft_wrap=True)
+    out.print(json.dumps(_plain(result), indent=1))
 
 
 def warn(messages: tuple[str, ...] | list[str]) -> None:
     """Print warnings, a line each, on standard error."""
     for message in messages:
-        err.print(f"warning: {message}", style="yellow", markup=False)
+        err.print(f"warning: {message}", style="yellow")
 
 
 def _plain(value: Any) -> Any:

@@ -35,7 +35,7 @@ def info(
             if as_json:
                 continue
             for line in report.lines():
-                out.print(line, markup=False)
+                out.print(line)
     if as_json:
         print_json(reports)
     failed = [report for report in reports if report.error is not None]

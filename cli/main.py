@@ -51,7 +51,10 @@ def main() -> None:
     try:
         app()
     except BushsegError as error:
-        err.print(f"error: {error}", style="red", markup=False)
+        err.print(f"error: {error}", style="red")
+        sys.exit(1)
+    except OSError as error:
+        err.print(f"error: {error}; check the disk and its permissions", style="red")
         sys.exit(1)
     except MemoryError:
         err.print("error: out of memory; pass a smaller --tile-points or a larger --voxel-size")

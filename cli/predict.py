@@ -84,7 +84,7 @@ def _codes(pairs: list[str]) -> dict[str, int]:
     codes = {}
     for pair in pairs:
         name, _, code = pair.partition("=")
-        if not code.isdigit():
+        if not code.isdecimal():
             raise typer.BadParameter(f"{pair!r}; expected CLASS=CODE, such as bush=4")
         codes[name] = int(code)
     return codes

@@ -49,4 +49,4 @@ def render(
             overwrite=overwrite,
             progress=shown,
         )
-    out.print(str(output), markup=False)
+    out.print(str(output))

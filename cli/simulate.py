@@ -42,4 +42,4 @@ def simulate(
         print_json({"scans": paths})
         return
     for path in paths:
-        out.print(str(path), markup=False)
+        out.print(str(path))

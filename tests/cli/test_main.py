@@ -43,7 +43,10 @@ def test_version(bushseg):
         ["predict"],
         ["predict", "a.las"],
         ["train", "--epochs", "many"],
+        ["train", "--resume", "runs/a", "--run", "runs/b"],
+        ["train", "--resume", "runs/a", "--overwrite"],
         ["predict", "a.las", "-o", "b.las", "--asprs", "bush"],
+        ["predict", "a.las", "-o", "b.las", "--asprs", "bush=²"],
         ["labels", "--colour"],
     ],
 )
@@ -91,6 +94,29 @@ def test_out_of_memory_says_what_to_do(bushseg, monkeypatch):
     outcome = bushseg("info", "a.las")
     assert outcome.status == 1
     assert "tile-points" in outcome.err
+
+
+def test_a_failing_disk_is_one_line(bushseg, monkeypatch):
+    def fail(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("bushseg.io.find_scans", fail)
+    outcome = bushseg("info", "a.las")
+    assert outcome.status == 1
+    assert outcome.err.startswith("error: ")
+    assert "No space left on device" in outcome.err
+    assert outcome.err.count("\n") == 1
+
+
+def test_file_names_are_no_markup(bushseg):
+    """As markup, [bold] would vanish and [/bold] end in a traceback; :car: would be a picture."""
+    name = "a[bold] [/bold]:car:.csv"
+    Path(name).parent.mkdir()
+    Path(name).write_text("x,y,z\n0,0,0\n1,1,1\n")
+    assert bushseg("info", name).out.startswith(f"{name}: ")
+    outcome = bushseg("render", name, "-o", f"{name}.png", "--color", "height")
+    assert (outcome.status, outcome.out) == (0, f"{name}.png\n")
+    assert f"error: {name}.png" in bushseg("render", name, "-o", f"{name}.png").err
 
 
 def test_the_installed_script(tmp_path):

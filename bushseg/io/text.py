@@ -40,7 +40,7 @@ COLUMN_NAMES = {
 
 _HEAD_BYTES = 1 << 16
 _BATCH_ROWS = 1 << 16
-_INTEGER = re.compile(r"[+-]?\d+")
+_INTEGER = re.compile(r"[+-]?\d{1,19}")  # Python refuses to parse thousands of digits
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,6 +57,12 @@ def test_columns_with_names(tmp_path: Path, head: str) -> None:
     assert points.attributes["Class"].dtype == np.int64
 
 
+def test_a_number_of_thousands_of_digits_is_a_number_like_any(tmp_path: Path) -> None:
+    path = write(tmp_path, "1" * 5000 + "\n0 0 0\n")
+    with pytest.raises(ReadError, match="x, y and z"):
+        open_text(path)
+
+
 @pytest.mark.parametrize("names", ["Easting Northing Height", "X Y Z", "id x y z X"])
 def test_coordinate_names(tmp_path: Path, names: str) -> None:
     width = len(names.split())

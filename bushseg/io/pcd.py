@@ -105,7 +105,8 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
         num_lines += 1
         if not raw.endswith(b"\n") or num_lines > _MAX_HEADER_LINES:
             raise ReadError(path, "a header without a DATA line", "a PCD file")
-        words = raw.decode("latin-1").split()
+        # Split as bytes: what Latin-1 calls a space may be part of a UTF-8 letter, such as à.
+        words = [word.decode("utf-8", "backslashreplace") for word in raw.split()]
         if words and not words[0].startswith("#"):
             entries[words[0].upper()] = words[1:]
 

@@ -146,7 +146,7 @@ def _parse_element(element: PlyElement, count: int, order: str) -> _Element:
     fields: dict[str, np.dtype[Any]] = {}
     lengths: dict[str, np.dtype[Any]] = {}
     for item in element.properties:
-        name = unquote(item.name)
+        name = unquote(item.name, errors="backslashreplace")
         if isinstance(item, PlyListProperty):
             lengths[name], fields[name] = map(np.dtype, item.list_dtype(order))
             if lengths[name].kind == "f":

@@ -56,6 +56,15 @@ def test_multi_valued_fields_keep_their_shape(tmp_path: Path) -> None:
     assert scan.read().attributes["fpfh"].tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
+def test_names_in_any_language(tmp_path: Path) -> None:
+    path = tmp_path / "names.pcd"
+    path.write_bytes(
+        "FIELDS x y z à 高さ\nSIZE 4 4 4 1 1\nTYPE F F F U U\nWIDTH 1\nHEIGHT 1\n"
+        "DATA ascii\n0 0 0 1 2\n".encode()
+    )
+    assert list(open_pcd(path).read().attributes) == ["à", "高さ"]
+
+
 def test_large_integers_in_text_stay_exact(tmp_path: Path) -> None:
     path = tmp_path / "time.pcd"
     path.write_text(

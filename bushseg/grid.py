@@ -15,6 +15,11 @@ from bushseg.errors import ConfigError
 AXIS_BITS = 21
 """Bits a key gives each axis: 2,097,152 voxels, 210 km at a voxel of 0.1 m."""
 
+BLOCK_BITS = 4
+BLOCK = 1 << BLOCK_BITS
+"""Edge, in voxels, of the cubes that decimation chooses survivors in. Tiles are made of whole ones,
+so that no cut changes what survives."""
+
 OUTSIDE = -1
 """The key of a point that has no voxel: not finite, or beyond the grid's reach."""
 

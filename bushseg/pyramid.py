@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.config import Sampling
+from bushseg.grid import BLOCK_BITS
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import decimate, hash_uniform
-
-_CELL_BITS = 3 * 4
-"""Decimation's cells are cubes of 16 voxels: tiles are made of whole blocks of that edge, so a cell
-is never cut by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +65,7 @@ def build_pyramid(
         points = index.points
         around = index.query(points, num_neighbors)
         zeta = hash_uniform(keys, seed * num_levels + level)
-        kept = decimate(zeta, keys >> _CELL_BITS, decimation, points, around, sampling)
+        kept = decimate(zeta, keys >> (3 * BLOCK_BITS), decimation, points, around, sampling)
         index = NeighborIndex(points[kept])
         neighbors.append(around)
         decimated.append(kept)

@@ -11,10 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.grid import decode_morton
-
-BLOCK = 16
-"""Edge of the blocks that tiles are made of, in voxels."""
+from bushseg.grid import BLOCK, decode_morton
 
 
 @dataclass(frozen=True, slots=True)

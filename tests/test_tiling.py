@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bushseg.grid import decode_morton, encode_morton
-from bushseg.tiling import BLOCK, Tiling
+from bushseg.grid import BLOCK, decode_morton, encode_morton
+from bushseg.tiling import Tiling
 
 
 def keys_of(cells: np.ndarray) -> np.ndarray:

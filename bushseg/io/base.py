@@ -14,11 +14,21 @@ from numpy.typing import NDArray
 from bushseg.points import AttributeArray, PointCloud
 
 CHUNK_POINTS = 1_000_000
+CHUNK_BYTES = 1 << 27
 
 Columns = Mapping[str, AttributeArray]
 """Name to values, one a point."""
 Codes = NDArray[np.integer[Any]]
 """Class codes, shape (N,)."""
+
+
+def chunk_points(size: int, point_bytes: int) -> int:
+    """How many points a chunk of at most `size` may hold.
+
+    A file says how many bytes a point has: at 65,535 of them a million points wouldn't fit into
+    memory.
+    """
+    return max(1, min(size, CHUNK_BYTES // point_bytes))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bushseg.errors import ReadError
-from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
+from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader, chunk_points
 from bushseg.io.table import find_label
 from bushseg.points import AttributeArray, PointCloud
 
@@ -48,6 +48,10 @@ class _Scan:
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
     posed: bool
+
+    @property
+    def point_bytes(self) -> int:
+        return sum(dtype.itemsize for dtype in self.fields.values())
 
     @property
     def coordinates(self) -> tuple[str, str, str]:
@@ -96,7 +100,7 @@ class E57Reader(ScanReader):
         """
         for index, scan in enumerate(self._scans):
             num_read = 0
-            for columns in self._columns(scan, min(size, scan.count)):
+            for columns in self._columns(scan, chunk_points(size, scan.point_bytes)):
                 count = len(columns[scan.coordinates[0]])
                 num_read += count
                 yield self._point_cloud(scan, index, columns, count)
@@ -113,6 +117,7 @@ class E57Reader(ScanReader):
 
     def _columns(self, scan: _Scan, size: int) -> Iterator[dict[str, AttributeArray]]:
         """Yield a scan's fields as libE57 decodes them; the arrays are used again."""
+        size = min(size, scan.count)
         buffers = self._libe57.VectorSourceDestBuffer()
         columns = {name: np.zeros(size, dtype=dtype) for name, dtype in scan.fields.items()}
         with _as_read_error(self.info.path, self._libe57):

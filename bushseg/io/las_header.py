@@ -62,10 +62,10 @@ class VariableRecord:
         """Position of the first byte behind the record."""
         return self.offset + self.length
 
-    def payload(self, file: BinaryIO) -> bytes:
-        """Read the payload."""
+    def payload(self, file: BinaryIO, limit: int | None = None) -> bytes:
+        """Read the payload, or its first `limit` bytes."""
         file.seek(self.offset)
-        return file.read(self.length)
+        return file.read(self.length if limit is None else min(self.length, limit))
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ EXTRA_BYTES_RECORD = ("LASF_Spec", 4)
 UNDESCRIBED = "ExtraBytes"
 NAME_BYTES = 32
 _DESCRIPTOR = struct.Struct("<2xBB32s4x72s3d3d32s")
+DESCRIPTOR_BYTES = _DESCRIPTOR.size
 _SCALE_BIT, _OFFSET_BIT = 0x08, 0x10
 _MAX_PAYLOAD = 65535
 # Data type 1 to 10; 11 to 20 are pairs of them and 21 to 30 triples, deprecated but met.
@@ -156,7 +157,7 @@ class PointLayout:
         extra = ExtraDimension(candidate, stored, descriptor)
         extras = self.extras + self._undescribed_as_extras() + (extra,)
         layout = PointLayout(self.point_format, extras)
-        if 192 * len(extras) > _MAX_PAYLOAD or layout.dtype.itemsize > 0xFFFF:
+        if DESCRIPTOR_BYTES * len(extras) > _MAX_PAYLOAD or layout.dtype.itemsize > 0xFFFF:
             raise WriteError(f"no room for {name!r} in a LAS point record; choose .ply instead")
         return layout, candidate
 
@@ -191,8 +192,8 @@ def parse_layout(point_format: int, num_extra_bytes: int, payload: bytes) -> Poi
     extras: list[ExtraDimension] = []
     taken = _standard_names(point_format)
     left = num_extra_bytes
-    for start in range(0, len(payload) - _DESCRIPTOR.size + 1, _DESCRIPTOR.size):
-        extra = _parse_descriptor(payload[start : start + _DESCRIPTOR.size], taken)
+    for start in range(0, len(payload) - DESCRIPTOR_BYTES + 1, DESCRIPTOR_BYTES):
+        extra = _parse_descriptor(payload[start : start + DESCRIPTOR_BYTES], taken)
         if extra is None or extra.dtype.itemsize > left:
             return PointLayout(point_format, (), num_extra_bytes)
         extras.append(extra)

@@ -13,16 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import ReadError
-from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader
+from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader, chunk_points
 from bushseg.io.las_crs import read_crs
 from bushseg.io.las_header import RECORD_SIZES, LasHeader, read_header
-from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, parse_layout, scale_coordinates
+from bushseg.io.las_points import (
+    DESCRIPTOR_BYTES,
+    EXTRA_BYTES_RECORD,
+    PointLayout,
+    parse_layout,
+    scale_coordinates,
+)
 from bushseg.io.laz import decompress
 from bushseg.io.laz_body import LazBody, inspect_laz
 from bushseg.io.sniff import check_file
 from bushseg.points import PointCloud
-
-_MAX_CHUNK_BYTES = 1 << 27  # Of raw records; a point may have 65,535 bytes.
 
 
 class LasReader(ScanReader):
@@ -60,7 +64,7 @@ class LasReader(ScanReader):
             ReadError: The compressed points are damaged, or the file shrank meanwhile.
         """
         dtype = self.layout.dtype
-        size = max(1, min(size, _MAX_CHUNK_BYTES // dtype.itemsize))
+        size = chunk_points(size, dtype.itemsize)
         num_points = 0
         try:
             for raw in self._raw_chunks(size):
@@ -96,13 +100,14 @@ class LasReader(ScanReader):
 
     def _read_layout(self) -> PointLayout:
         header = self.header
-        records = (record for record in header.vlrs + header.evlrs)
-        described = next((record for record in records if record.key == EXTRA_BYTES_RECORD), None)
-        return parse_layout(
-            header.point_format,
-            header.record_length - RECORD_SIZES[header.point_format],
-            described.payload(self._file) if described is not None else b"",
-        )
+        num_extra_bytes = header.record_length - RECORD_SIZES[header.point_format]
+        records = (r for r in header.vlrs + header.evlrs if r.key == EXTRA_BYTES_RECORD)
+        described = next(records, None)
+        payload = b""
+        if described is not None:
+            # An EVLR may be gigabytes; a byte has one descriptor at most, and one more is wrong.
+            payload = described.payload(self._file, DESCRIPTOR_BYTES * (num_extra_bytes + 1))
+        return parse_layout(header.point_format, num_extra_bytes, payload)
 
     def _describe(self, path: Path) -> ScanInfo:
         header = self.header

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.errors import WriteError
-from bushseg.io.base import ScanReader, ScanWriter
+from bushseg.io.base import ScanReader, ScanWriter, chunk_points
 
 Table = NDArray[np.void]
 """A structured array: a row a point, a field a column."""
-
-_CHUNK_BYTES = 1 << 27
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +37,9 @@ class Body:
 def read_records(body: Body, size: int, count: int) -> Iterator[Table]:
     """Yield `count` binary rows in order, at most `size` at a time.
 
-    Wide rows (a descriptor a point) come in smaller chunks, so that memory stays bounded.
     A file that ends early yields fewer; whoever counts them knows what to say about it.
     """
-    size = max(1, min(size, _CHUNK_BYTES // body.dtype.itemsize))
+    size = chunk_points(size, body.dtype.itemsize)
     with body.path.open("rb") as file:
         file.seek(body.offset)
         for start in range(0, count, size):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bushseg.errors import ReadError
+from bushseg.io import base
 from bushseg.io.e57 import open_e57
 
 pye57 = pytest.importorskip("pye57")
@@ -40,6 +41,15 @@ def test_poses_move_each_scan(tmp_path: Path) -> None:
             np.testing.assert_allclose(xyz, [[100, 1, 0], [99, 0, 5], [1, 2, 3]], atol=1e-12)
             index = np.concatenate([chunk.attributes["scan_index"] for chunk in chunks])
             assert index.tolist() == [0, 0, 1]
+
+
+def test_points_of_many_bytes_come_in_smaller_chunks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_scans(tmp_path / "one.e57", [columns([[1, 0, 0], [0, 1, 5], [1, 2, 3]])])
+    monkeypatch.setattr(base, "CHUNK_BYTES", 24)  # two points of three float32
+    with open_e57(path) as scan:
+        assert [len(chunk) for chunk in scan.chunks()] == [2, 1]
 
 
 def test_one_scan_knows_where_the_sensor_stood(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bushseg.errors import WriteError
-from bushseg.io import stream
+from bushseg.io import base, stream
 from bushseg.io.memory import MemoryReader
 from bushseg.io.text import create_txt
 from bushseg.points import PointCloud
@@ -21,9 +21,9 @@ def test_read_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert read(3, 10) == [[0, 1, 2]]
     assert read(5, 2) == [[0, 1], [2, 3], [4]]
-    monkeypatch.setattr(stream, "_CHUNK_BYTES", 6)
+    monkeypatch.setattr(base, "CHUNK_BYTES", 6)
     assert read(5, 100) == [[0, 1, 2], [3, 4]]
-    monkeypatch.setattr(stream, "_CHUNK_BYTES", 1)  # narrower than a record
+    monkeypatch.setattr(base, "CHUNK_BYTES", 1)  # narrower than a record
     assert read(2, 100) == [[0], [1]]
 
 

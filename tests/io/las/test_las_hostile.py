@@ -1,5 +1,6 @@
 """Files that lie: a ReadError or the points the header declares, nothing else."""
 
+import io
 import math
 import struct
 import tempfile
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from bushseg.errors import ReadError
 from bushseg.io import laz
 from bushseg.io.las import open_las
+from bushseg.io.las_header import VariableRecord
 from bushseg.io.laz_body import lazrs_errors
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning:laspy")
@@ -222,6 +224,12 @@ def test_the_file_that_allocates_9_gb_is_refused(scans):
         pytest.skip(f"no {path}")
     with pytest.raises(ReadError, match="563,518,713 LAZ chunks"):
         open_las(path)
+
+
+def test_no_more_of_a_record_is_read_than_asked_for():
+    record = VariableRecord(b"", "LASF_Spec", 4, offset=2, length=5)
+    file = io.BytesIO(b"0123456789")
+    assert [record.payload(file, limit) for limit in (None, 3, 9)] == [b"23456", b"234", b"23456"]
 
 
 def test_struct_sizes_are_the_specifications():

@@ -124,8 +124,7 @@ class ScanWriter(ABC):
                 alone.
 
         Raises:
-            DataError: A code doesn't fit the format's label field.
-            WriteError: The disk refuses, or a value doesn't fit what the format can store.
+            WriteError: The disk refuses, or a code or value doesn't fit what the format can store.
         """
 
     @abstractmethod

@@ -83,8 +83,8 @@ class LasConverter(ScanWriter):
         """Write one chunk of the source.
 
         Raises:
-            DataError: A class code is not within 0 to 255.
-            WriteError: The disk is full, or the source isn't what it was.
+            WriteError: The disk is full, a class code is not within 0 to 255, or the source isn't
+                what it was.
         """
         records = np.zeros(len(chunk), self._layout.dtype)
         self._set_coordinates(records, chunk.xyz)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bushseg.errors import DataError
+from bushseg.errors import WriteError
 from bushseg.io.base import Codes, Columns, ScanWriter
 from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, Records
 from bushseg.io.las_reader import LasReader
@@ -54,8 +54,8 @@ class LasWriter(ScanWriter):
         """Write one chunk of the source.
 
         Raises:
-            DataError: A class code is negative or doesn't fit the point format's field.
-            WriteError: The disk is full.
+            WriteError: The disk is full, or a class code is negative or doesn't fit the point
+                format's field.
         """
         records = np.empty(len(chunk), self._layout.dtype)
         # The record only grows at its end.
@@ -133,12 +133,12 @@ def set_classification(records: Records, codes: Codes, point_format: int) -> Non
         point_format: Formats 0 to 5 have 5 bits for a code, 6 to 10 a byte.
 
     Raises:
-        DataError: A code doesn't fit.
+        WriteError: A code doesn't fit.
     """
     largest = 31 if point_format < 6 else 255
     wrong = (codes < 0) | (codes > largest)
     if wrong.any():
-        raise DataError(
+        raise WriteError(
             f"class code {codes[wrong][0]} in point format {point_format}, which holds 0 to "
             f"{largest}; map the classes to codes that fit"
         )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bushseg.errors import DataError, WriteError
+from bushseg.errors import WriteError
 from bushseg.io.base import ScanInfo, ScanReader
 from bushseg.io.las import create_las, open_las
 from bushseg.points import PointCloud
@@ -186,5 +186,5 @@ def test_what_las_can_not_hold_is_refused(convert, tmp_path):
         convert(bad)
     with pytest.raises(WriteError, match="can't hold 'name'"):
         convert(XYZ, {"name": np.array(["a", "b", "c"])})
-    with pytest.raises(DataError, match="class code 256"):
+    with pytest.raises(WriteError, match="class code 256"):
         convert(XYZ, codes=np.array([1, 2, 256]))

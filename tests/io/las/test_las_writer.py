@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bushseg.errors import DataError, WriteError
+from bushseg.errors import WriteError
 from bushseg.io.las import create_las, open_las
 from bushseg.io.las_header import RECORD_SIZES
 from bushseg.io.las_points import parse_layout
@@ -218,11 +218,11 @@ def test_a_copc_index_does_not_outlive_its_chunks(make_las, parts):
 
 def test_a_code_that_does_not_fit_is_refused(make_las):
     source = make_las("a.las", version="1.2", point_format=3)
-    with pytest.raises(DataError, match="class code 32 in point format 3, which holds 0 to 31"):
+    with pytest.raises(WriteError, match="class code 32 in point format 3, which holds 0 to 31"):
         label(source, source.with_name("b.las"), codes=np.full(100, 32))
     source = make_las("a.las")
     for code in (-1, 256):
-        with pytest.raises(DataError, match=f"class code {code} in point format 7"):
+        with pytest.raises(WriteError, match=f"class code {code} in point format 7"):
             label(source, source.with_name("b.las"), codes=np.full(100, code))
 
 

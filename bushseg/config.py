@@ -174,7 +174,12 @@ class Config(Section):
         if path is not None or file.exists():
             try:
                 values = tomllib.loads(file.read_text(encoding="utf-8"))
-            except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            except OSError as error:
+                raise ConfigError(
+                    f"{file}: can't be read ({error.strerror or error}); expected settings, such "
+                    "as `bushseg config` prints"
+                ) from error
+            except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
                 raise ConfigError(f"{file}: can't be read as TOML ({error})") from error
         for section, settings in (overrides or {}).items():
             given = {name: value for name, value in settings.items() if value is not None}

@@ -9,7 +9,7 @@ from bushseg.files import atomic_path
 
 
 def write_history(path: Path, history: Sequence[dict[str, float]]) -> None:
-    """One row an epoch, as CSV."""
+    """One row an epoch, as CSV; a column for each metric that any epoch has."""
     with atomic_path(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(
             file, fieldnames=list(dict.fromkeys(name for row in history for name in row))

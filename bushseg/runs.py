@@ -1,7 +1,8 @@
 """A training run's folder: what its files are called, which is the newest, what may not be lost.
 
 runs/NAME/
-  best.safetensors      the best model on the held-out split; usable with nothing else
+  best.safetensors      the best model on the held-out split (on the training crops where nothing
+                        is held out); usable with nothing else
   last.safetensors      the latest, with all that --resume needs
   metrics.csv           one row an epoch
   curves.png            the same, drawn

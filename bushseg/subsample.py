@@ -70,6 +70,7 @@ class GridSubsampler:
         self.grid = grid
         self.num_classes = num_classes
         self.num_outside = 0
+        self._names: list[str] = []
         self._merged: _Sums | None = None
         self._pending: list[_Sums] = []
 

@@ -32,7 +32,7 @@ def validate(
     network.eval()
     confusion = ConfusionMatrix(dataset.scheme.num_classes)
     total = sum(dataset.tiles[number].core_size for number in tiles)
-    progress.start("validating", total, "points")
+    progress.start("validating", total, "voxels")
     for number in tiles:
         tile = dataset.tile(number)
         logits = tile_logits(network, tile, card.features, dataset.config.voxel_size)

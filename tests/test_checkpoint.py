@@ -67,7 +67,7 @@ def batch() -> Batch:
 
 def test_a_round_trip_changes_nothing(saved, card):
     network, path = saved
-    model = load_model(path)
+    model = load_model(str(path))
     assert model.card == card
     assert model.path == path
     assert not model.network.training

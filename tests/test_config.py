@@ -93,7 +93,9 @@ def test_a_file_that_holds_no_settings_is_refused(tmp_path: Path, text: str) -> 
 
 
 def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="nowhere"):
+    with pytest.raises(
+        ConfigError, match=r"nowhere\.toml: can't be read \(No such file.*`bushseg config`"
+    ):
         Config.load(tmp_path / "nowhere.toml")
     (tmp_path / "settings.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="TOML"):

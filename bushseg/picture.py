@@ -92,8 +92,9 @@ def true_colors(chunk: PointCloud, reader: ScanReader) -> NDArray[np.float32]:
 
 
 def height_colors(xyz: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Blue to yellow from the lowest to the highest percent of points, (N, 3) uint8."""
-    z = np.nan_to_num(xyz[:, 2])
-    low, high = np.quantile(z, (0.01, 0.99))
+    """Blue to yellow from the lowest to the highest percent of finite points, (N, 3) uint8."""
+    finite = np.isfinite(xyz[:, 2])
+    low, high = np.quantile(xyz[finite, 2], (0.01, 0.99)) if finite.any() else (0.0, 0.0)
+    z = np.where(finite, xyz[:, 2], low)
     share = np.clip((z - low) / max(high - low, 1e-9), 0, 1)[:, None]
     return (_LOW + share * (_HIGH - _LOW)).astype(np.uint8)

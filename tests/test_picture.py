@@ -90,3 +90,13 @@ def test_a_picture_is_drawn_and_not_replaced_unasked(tmp_path):
     assert imread(tmp_path / "out.png").shape[:2] == (900, 1600)
     with pytest.raises(WriteError, match="--overwrite"):
         picture(path, tmp_path / "out.png", "height", BUSH)
+
+
+def test_points_that_are_not_finite_do_not_stretch_the_heights():
+    z = np.linspace(400, 410, 101)
+    alone = height_colors(np.column_stack([z, z, z]))
+    z = np.append(z, [np.nan] * 50 + [np.inf])
+    beside = height_colors(np.column_stack([z, z, z]))
+    np.testing.assert_array_equal(beside[:101], alone)
+    assert (alone[0] != alone[-1]).all()
+    assert height_colors(np.full((1, 3), np.nan)).shape == (1, 3)

@@ -39,7 +39,8 @@ class ScanInfo:
         path: The file.
         format: For people: "LAS 1.4 point format 7", "PLY binary_little_endian".
         num_points: How many points the file holds.
-        attributes: Name to dtype of each column besides the coordinates.
+        attributes: Name to dtype of each column besides the coordinates; of a multi-valued one a
+            sub-array dtype.
         label_attribute: The column that holds class codes, or None.
         bounds: (2, 3) float64, the header's minimum and maximum in the file's unit, or None.
         crs: The coordinate reference system as WKT or as the GeoTIFF keys in words, or None.

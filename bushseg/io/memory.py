@@ -24,7 +24,10 @@ class MemoryReader(ScanReader):
             path=Path("points in memory"),
             format="memory",
             num_points=len(cloud),
-            attributes={name: column.dtype for name, column in cloud.attributes.items()},
+            attributes={
+                name: np.dtype((column.dtype, column.shape[1:]))
+                for name, column in cloud.attributes.items()
+            },
             sensor_position=None if sensor is None else np.asarray(sensor, dtype=np.float64),
         )
 

@@ -15,7 +15,7 @@ CLOUD = PointCloud(
 def test_the_header_tells_what_is_there() -> None:
     info = MemoryReader(CLOUD, (1, 2, 3)).info
     assert info.num_points == 7
-    assert info.attributes == {"red": np.dtype(np.uint16), "echo": np.dtype(np.int64)}
+    assert info.attributes == {"red": np.dtype(np.uint16), "echo": np.dtype((np.int64, 2))}
     assert info.sensor_position is not None
     assert info.sensor_position.tolist() == [1, 2, 3]
     assert MemoryReader(CLOUD).info.sensor_position is None

@@ -6,6 +6,7 @@ scales. Other formats' headers don't tell them: this reads the scan once.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -118,7 +119,7 @@ def survey(source: ScanReader) -> Survey:
     )
 
 
-def _choose_scale(path: object, extent: float, reach: float) -> float:
+def _choose_scale(path: Path, extent: float, reach: float) -> float:
     """A power of ten with seven digits over the extent (a float32's precision), 0.1 mm at most.
 
     Coarser only where 32 bits don't reach: up to 1 mm.

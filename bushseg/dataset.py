@@ -129,12 +129,19 @@ class Dataset:
         """
         tensors = load_tensors(self._crops / crop_name(number))
         tile = self.tile(self.crop_tiles[number])
-        indices = tensors.pop("indices", None)
-        if indices is None or not len(indices) or indices.max() >= len(tile) or indices.min() < 0:
+        indices = tensors.pop("indices", np.empty(0))
+        fits = indices.dtype == np.int32 and indices.ndim == 1 and len(indices) > 0
+        if not fits or not 0 <= indices.min() <= indices.max() < len(tile):
             raise CacheError(
                 f"crop {number} of {self._crops} doesn't fit its tile; run `bushseg prepare` again"
             )
-        return self._sample(tile, indices, pyramid_from_tensors(tensors, len(indices)))
+        pyramid = pyramid_from_tensors(tensors, len(indices))
+        if pyramid.num_levels != self.config.num_levels:
+            raise CacheError(
+                f"crop {number} of {self._crops} has {pyramid.num_levels} levels, expected "
+                f"{self.config.num_levels}; run `bushseg prepare` again"
+            )
+        return self._sample(tile, indices, pyramid)
 
     def fresh_sample(self, number: int, indices: NDArray[np.int32]) -> Sample:
         """A crop drawn just now, some points of a tile; its pyramid is built here."""

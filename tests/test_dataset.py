@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import load_file, save_file
 
 from bushseg.config import TrainConfig
 from bushseg.dataset import Dataset
@@ -163,3 +164,23 @@ def test_damaged_crops_and_tiles(copy):
         dataset.cached_sample(0)
     with pytest.raises(CacheError, match="tile_0000"):
         dataset.tile(0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"indices": np.zeros(512, np.float32)},
+        {"indices": np.zeros((512, 1), np.int32)},
+        {"indices": np.full(512, 10**6, np.int32)},
+        {"indices": np.full(512, -1, np.int32)},
+        {"indices": np.empty(0, np.int32)},
+        {"indices": None},
+        {"neighbors.1": None},
+    ],
+)
+def test_a_crop_that_does_not_fit(copy, change):
+    (path,) = copy.glob("crops-*/crop_00000.safetensors")
+    tensors = load_file(path) | change
+    save_file({name: t for name, t in tensors.items() if t is not None}, path)
+    with pytest.raises(CacheError, match=r"crop 0 of .*run `bushseg prepare` again"):
+        Dataset(copy).cached_sample(0)

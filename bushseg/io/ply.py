@@ -143,17 +143,18 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
 
 
 def _parse_element(element: PlyElement, count: int, order: str) -> _Element:
-    fields: dict[str, np.dtype[Any]] = {}
+    fields: list[tuple[str, np.dtype[Any]]] = []  # NumPy refuses a name given twice
     lengths: dict[str, np.dtype[Any]] = {}
     for item in element.properties:
         name = unquote(item.name, errors="backslashreplace")
         if isinstance(item, PlyListProperty):
-            lengths[name], fields[name] = map(np.dtype, item.list_dtype(order))
+            lengths[name], dtype = map(np.dtype, item.list_dtype(order))
             if lengths[name].kind == "f":
                 raise ValueError(f"the length of list {name!r} is a float")
         else:
-            fields[name] = np.dtype(item.dtype(order))
-    return _Element(unquote(element.name), count, np.dtype(list(fields.items())), lengths)
+            dtype = np.dtype(item.dtype(order))
+        fields.append((name, dtype))
+    return _Element(unquote(element.name), count, np.dtype(fields), lengths)
 
 
 def _skip_binary(path: Path, header: _Header, elements: list[_Element]) -> int:

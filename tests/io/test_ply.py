@@ -105,6 +105,7 @@ def test_names_and_comments_in_any_language(tmp_path: Path) -> None:
         (HEADER % (b"ascii", 0, PROPERTIES), "0 vertices"),
         (HEADER % (b"ascii", 1, b"property float x\n"), "x, y and z"),
         (HEADER % (b"ascii", 1, PROPERTIES * 2), "same name"),
+        (HEADER % (b"ascii", 1, b"property char \xe9\nproperty char \\xe9\n"), "more than once"),
         (HEADER % (b"ascii", 1, b"property float128 x\n"), "line 4"),
         (HEADER % (b"ascii", 1, PROPERTIES + b"property list int int n\n"), "list property"),
         (HEADER % (b"ascii", 2**60, PROPERTIES) + b"0 0 0\n", "truncated"),

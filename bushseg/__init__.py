@@ -1,4 +1,4 @@
-"""Finds bushes in point clouds too large for anything else.
+"""Finds bushes in large point clouds.
 
     import bushseg
 

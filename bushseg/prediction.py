@@ -155,11 +155,12 @@ def predict(
             run's best.
         config: Settings; None takes the defaults.
         attributes: With bare coordinates: further columns such as "intensity" or "red".
-        sensor: Where the sensor stood, shape (3,), if known; normals are oriented to it.
+        sensor: Where the sensor stood, shape (3,), if known; normals are oriented to it. In a frame
+            whose sensor is the origin, points at (0, 0, 0) are pulses that did not return.
 
     Returns:
-        Class indices, shape (N,), int16, -1 for points that are not finite; and the probability of
-        each class, shape (N, C), float32, zero there.
+        Class indices, shape (N,), int16, -1 for points that are not finite or did not return; and
+        the probability of each class, shape (N, C), float32, zero there.
 
     Raises:
         DataError: There are no finite points, or the model needs features they lack.
@@ -172,7 +173,7 @@ def predict(
     stitched = np.zeros((len(scan.voxels) + 1, model.card.scheme.num_classes), dtype=np.float32)
     for tile in label_tiles(model, scan, config or PredictConfig()):
         stitched[tile.indices] = tile.probabilities
-    found = scan.voxels.find(scan.voxels.grid.keys(cloud.xyz))
+    found = scan.voxels.find(scan.voxels.grid.keys(mask_no_returns(cloud.xyz, reader)))
     labels = np.append(stitched[:-1].argmax(axis=1), -1).astype(np.int16)
     return labels[found], stitched[found]
 

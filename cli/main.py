@@ -57,5 +57,5 @@ def main() -> None:
         err.print(f"error: {error}; check the disk and its permissions", style="red")
         sys.exit(1)
     except MemoryError:
-        err.print("error: out of memory; pass a smaller --tile-points or a larger --voxel-size")
+        err.print("error: out of memory; choose a larger voxel_size or smaller tile_points")
         sys.exit(1)

@@ -125,6 +125,18 @@ def test_predict_in_memory_takes_plain_lists(height_model):
 
 
 @pytest.mark.parametrize("points", [[], [[1, 2]], [1, 2, 3], [[np.nan, 0, 0]]])
+def test_predict_in_memory_knows_no_returns_of_a_frame(height_model):
+    rng = np.random.default_rng(3)
+    xyz = rng.uniform(-4, 4, (500, 3)) * [1, 1, 0.05] - [0, 0, 1.5]
+    xyz[::5] = 0
+    labels, probabilities = predict(xyz, height_model, sensor=(0, 0, 0))
+    assert (labels[::5] == -1).all()
+    assert not probabilities[::5].any()
+    assert (np.delete(labels, np.s_[::5]) >= 0).all()
+    # Without a sensor there, (0, 0, 0) is a point like any other.
+    assert (predict(xyz, height_model)[0] >= 0).all()
+
+
 def test_predict_in_memory_needs_points(height_model, points):
     with pytest.raises(DataError):
         predict(points, height_model)

@@ -15,7 +15,8 @@ class MemoryReader(ScanReader):
 
     Args:
         cloud: The points.
-        sensor: Where the sensor stood, shape (3,); None if unknown.
+        sensor: Where the sensor stood, shape (3,); None if unknown. With a sensor at the origin,
+            points at exactly (0, 0, 0) are pulses that did not return: nothing is at range 0.
     """
 
     def __init__(self, cloud: PointCloud, sensor: ArrayLike | None = None) -> None:
@@ -29,6 +30,7 @@ class MemoryReader(ScanReader):
                 for name, column in cloud.attributes.items()
             },
             sensor_position=None if sensor is None else np.asarray(sensor, dtype=np.float64),
+            no_returns_at_origin=sensor is not None and not np.any(sensor),
         )
 
     def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:

@@ -93,7 +93,7 @@ def test_out_of_memory_says_what_to_do(bushseg, monkeypatch):
     monkeypatch.setattr("bushseg.io.find_scans", fail)
     outcome = bushseg("info", "a.las")
     assert outcome.status == 1
-    assert "tile-points" in outcome.err
+    assert "voxel_size" in outcome.err
 
 
 def test_a_failing_disk_is_one_line(bushseg, monkeypatch):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import ZetaQueue, raise_by_distance
 
-_OPEN_TILES = 32
+OPEN_TILES = 32
+"""Tiles held in memory at once while crops are drawn."""
 
 
 class TilePoints(Protocol):
@@ -115,7 +116,7 @@ class CropSampler:
             points = self._load(number)
             tile = _OpenTile(points, NeighborIndex(points.xyz), np.flatnonzero(points.is_core))
         self._open[number] = tile
-        if len(self._open) > _OPEN_TILES:
+        if len(self._open) > OPEN_TILES:
             self._open.popitem(last=False)
         return tile
 

@@ -15,7 +15,7 @@ from bushseg.crops import CropSampler, class_weights, enough_crops
 from bushseg.errors import CacheError, ConfigError, DataError
 from bushseg.features import FEATURES
 from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
-from bushseg.pyramid import Pyramid, build_pyramid
+from bushseg.pyramid import Pyramid
 from bushseg.scheme import ClassScheme
 from bushseg.tile_data import TileData
 
@@ -146,15 +146,7 @@ class Dataset:
     def fresh_sample(self, number: int, indices: NDArray[np.int32]) -> Sample:
         """A crop drawn just now, some points of a tile; its pyramid is built here."""
         tile = self.tile(number)
-        pyramid = build_pyramid(
-            tile.xyz[indices],
-            tile.keys[indices],
-            num_neighbors=self.config.num_neighbors,
-            num_levels=self.config.num_levels,
-            decimation=self.config.decimation,
-            sampling=self.config.sampling,
-            seed=self.config.seed,
-        )
+        pyramid = tile.crop_pyramid(indices, self.config)
         return self._sample(tile, indices, pyramid)
 
     def sampler(self, tiles: Sequence[int], rng: np.random.Generator) -> CropSampler:

@@ -10,6 +10,7 @@ the format version. A folder is complete when its manifest stands, which is writ
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +28,12 @@ from bushseg.cache import (
     write_json,
 )
 from bushseg.config import PrepareConfig
-from bushseg.crops import CropSampler, class_weights, enough_crops
+from bushseg.crops import OPEN_TILES, CropSampler, class_weights, enough_crops
 from bushseg.io import label_sidecar, open_scan
 from bushseg.progress import Progress
-from bushseg.pyramid import build_pyramid
 from bushseg.scan import read_voxels
 from bushseg.scheme import ClassScheme
-from bushseg.tile_data import cut_tile
+from bushseg.tile_data import TileData, cut_tile
 from bushseg.tiling import Tiling
 
 DATASET = "dataset.json"
@@ -126,9 +126,15 @@ def write_crops(
     ]
     core_sizes = [tile["core_size"] for manifest in manifests for tile in manifest["tiles"]]
     num_crops = config.num_crops or enough_crops(sum(core_sizes), config.crop_points)
+
+    @lru_cache(OPEN_TILES)
+    def load(number: int) -> TileData:
+        # Shared by the sampler and the loop below, which want the same tile one after the other.
+        return load_tile(files[number])
+
     sampler = CropSampler(
         core_sizes,
-        lambda number: load_tile(files[number]),
+        load,
         config.crop_points,
         class_weights(class_counts),
         np.random.default_rng(config.seed),
@@ -136,16 +142,8 @@ def write_crops(
     progress.start("drawing crops", num_crops, "crops")
     tiles = []
     for number, crop in enumerate(sampler.draws(num_crops)):
-        tile = load_tile(files[crop.tile])
-        pyramid = build_pyramid(
-            tile.xyz[crop.indices],
-            tile.keys[crop.indices],
-            num_neighbors=config.num_neighbors,
-            num_levels=config.num_levels,
-            decimation=config.decimation,
-            sampling=config.sampling,
-            seed=config.seed,
-        )
+        tile = load(crop.tile)
+        pyramid = tile.crop_pyramid(crop.indices, config)
         tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
         save_tensors(crops / crop_name(number), tensors)
         tiles.append(crop.tile)

@@ -74,6 +74,15 @@ class TileData:
         farthest = self.pyramid.neighbors[0][:, -1]
         return float(np.median(np.linalg.norm(self.xyz - self.xyz[farthest], axis=1)))
 
+    def crop_pyramid(self, indices: NDArray[np.int32], settings: PyramidSettings) -> Pyramid:
+        """The pyramid of some of the tile's points.
+
+        Args:
+            indices: The points, ascending, shape (n,), int32.
+            settings: Neighborhood and pyramid settings.
+        """
+        return _pyramid(self.xyz[indices], self.keys[indices], settings)
+
 
 def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSettings) -> TileData:
     """Cut a tile with its halo and find its normals and pyramid.
@@ -97,15 +106,7 @@ def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSetti
     origin = positions.mean(axis=0)
     xyz = (positions - origin).astype(np.float32)
     keys = voxels.keys[indices]
-    pyramid = build_pyramid(
-        xyz,
-        keys,
-        num_neighbors=settings.num_neighbors,
-        num_levels=settings.num_levels,
-        decimation=settings.decimation,
-        sampling=settings.sampling,
-        seed=settings.seed,
-    )
+    pyramid = _pyramid(xyz, keys, settings)
     sensor = None if scan.sensor is None else scan.sensor - origin
     labels = np.full(len(indices), -1, dtype=np.int16)
     if voxels.labels is not None:
@@ -121,4 +122,19 @@ def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSetti
         labels=labels,
         counts=voxels.counts[indices].astype(np.int32),
         pyramid=pyramid,
+    )
+
+
+def _pyramid(
+    xyz: NDArray[np.float32], keys: NDArray[np.int64], settings: PyramidSettings
+) -> Pyramid:
+    """:func:`build_pyramid` with its settings taken from where they stand."""
+    return build_pyramid(
+        xyz,
+        keys,
+        num_neighbors=settings.num_neighbors,
+        num_levels=settings.num_levels,
+        decimation=settings.decimation,
+        sampling=settings.sampling,
+        seed=settings.seed,
     )

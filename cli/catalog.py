@@ -47,7 +47,9 @@ def labels(
 
 
 def models(model: ModelFile = None, as_json: Json = False) -> None:
-    """Describe the model that `predict` would use, with its parameters by module.
+    """Describe the model that `predict` would use.
+
+    Its classes, features and settings, and its parameters by module.
 
     Examples:
 

@@ -3,89 +3,45 @@
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
+import typer
+
+from bushseg.progress import Progress
 
 
-def _console(*, stderr: bool, quiet: bool = False) -> Console:
-    # A file may be called "[bold].las" or "site:car:.las": what we print is text, never markup.
-    return Console(
-        stderr=stderr, quiet=quiet, highlight=False, soft_wrap=True, markup=False, emoji=False
-    )
+class _Lines:
+    """Lines of text as it stands: a file may be called "[bold].las", so nothing is markup."""
+
+    def __init__(self, *, stderr: bool) -> None:
+        self._stderr = stderr
+
+    def print(self, text: str, style: str | None = None) -> None:
+        """Print a line, in a color on a terminal that isn't asked to do without."""
+        if style is not None and not os.environ.get("NO_COLOR"):
+            text = typer.style(text, fg=style)
+        typer.echo(text, err=self._stderr)
 
 
-out = _console(stderr=False)
-err = _console(stderr=True)
-
-
-class _RateColumn(ProgressColumn):
-    """Units done, and units per second: "1.2 M of 3.4 M points, 56 k/s"."""
-
-    def render(self, task: Task) -> Text:
-        unit = task.fields["unit"]
-        done = shorten(task.completed)
-        if task.total is not None:
-            done += f" of {shorten(task.total)}"
-        speed = task.finished_speed or task.speed
-        rate = f", {shorten(speed)}/s" if speed else ""
-        return Text(f"{done} {unit}{rate}")
-
-
-class _RichProgress:
-    """bushseg's progress, drawn by rich."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._task: TaskID | None = None
-
-    def start(self, stage: str, total: int | None, unit: str) -> None:
-        """Replace the stage that is shown."""
-        if self._task is not None:
-            self._progress.remove_task(self._task)
-        self._task = self._progress.add_task(stage, total=total, unit=unit)
-
-    def advance(self, amount: int) -> None:
-        """Move the bar."""
-        if self._task is not None:
-            self._progress.advance(self._task, amount)
-
-    def note(self, message: str) -> None:
-        """Print a line that stays."""
-        self._progress.console.print(message)
+out = _Lines(stderr=False)
+err = _Lines(stderr=True)
 
 
 @contextmanager
-def progress(*, quiet: bool = False) -> Iterator[_RichProgress]:
+def progress(*, quiet: bool = False) -> Iterator[Progress]:
     """Progress on standard error: bars on a terminal, lines worth keeping anywhere.
 
     Args:
         quiet: Show nothing at all.
     """
-    console = _console(stderr=True, quiet=quiet)
-    with Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        _RateColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=console,
-        disable=quiet or not console.is_terminal,
-        transient=True,
-    ) as drawn:
-        yield _RichProgress(drawn)
+    from .bars import bars  # not before there is something to show: rich takes long to import
+
+    with bars(quiet=quiet) as shown:
+        yield shown
 
 
 def shorten(value: float) -> str:

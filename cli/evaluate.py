@@ -33,7 +33,9 @@ def evaluate(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Compare predictions with the truth: IoU per class, mIoU, OA and the confusion matrix.
+    """Compare predictions with the truth: IoU, OA, confusion matrix.
+
+    IoU is given per class and as their mean, mIoU.
 
     Examples:
 

@@ -14,9 +14,9 @@ def info(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Describe scans: format, points, bounds, CRS, density, attributes, classes and faults.
+    """Describe scans: format, extent, CRS, density, classes, faults.
 
-    Every point is read. Exit status 1 if any scan can't be.
+    Every point is read; attributes come with their ranges. Exit status 1 if any scan can't be read.
 
     Examples:
 
@@ -28,14 +28,14 @@ def info(
     from bushseg.io import find_scans
 
     reports = []
-    with progress(quiet=quiet or as_json) as shown:
-        for path in find_scans(scans):
+    for path in find_scans(scans):
+        with progress(quiet=quiet or as_json) as shown:  # gone before the lines are printed
             report = describe(path, progress=shown)
-            reports.append(report)
-            if as_json:
-                continue
-            for line in report.lines():
-                out.print(line)
+        reports.append(report)
+        if as_json:
+            continue
+        for line in report.lines():
+            out.print(line)
     if as_json:
         print_json(reports)
     failed = [report for report in reports if report.error is not None]

@@ -28,7 +28,7 @@ app = typer.Typer(
     "`bushseg prepare scans`, `bushseg train`, `bushseg predict site.las -o labeled.las`.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,  # importing the panels would take longer than all the rest of --help
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (info, prepare, train, predict, evaluate, render, simulate, labels, models, config):

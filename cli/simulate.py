@@ -21,7 +21,7 @@ def simulate(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Make up sites and scan them: labelled scans to try everything with.
+    """Make up sites and scan them: labelled scans to try things with.
 
     Terrain, grass, bushes, trees, buildings, fences, poles, vehicles and people, ray-cast from
     chosen stations; labels are exact, and one seed always gives the same points.

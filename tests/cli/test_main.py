@@ -1,8 +1,10 @@
+import io
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bushseg_cli import console
 
 COMMANDS = (
     "info",
@@ -14,6 +16,18 @@ COMMANDS = (
     "labels",
     "models",
     "render",
+)
+
+SLOW_TO_IMPORT = (
+    "laspy",
+    "matplotlib",
+    "numba",
+    "numpy",
+    "open3d",
+    "pydantic",
+    "rich",
+    "scipy",
+    "torch",
 )
 
 
@@ -30,6 +44,24 @@ def test_every_command_has_help_with_an_example(bushseg, command):
     assert f"bushseg {command}" in outcome.out
     assert "Examples" in outcome.out
     assert bushseg(command, "-h").out == outcome.out
+
+
+def test_help_cuts_no_description_short(bushseg, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert "..." not in bushseg("--help").out.partition("Commands:")[2]
+
+
+def test_help_loads_nothing_that_takes_long():
+    script = Path(sys.executable).with_name("bushseg")
+    result = subprocess.run(
+        [sys.executable, "-X", "importtime", script, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = {line.rpartition("|")[2].strip() for line in result.stderr.splitlines()}
+    assert "bushseg_cli.main" in loaded
+    assert not loaded & set(SLOW_TO_IMPORT)
 
 
 def test_version(bushseg):
@@ -106,6 +138,24 @@ def test_a_failing_disk_is_one_line(bushseg, monkeypatch):
     assert outcome.err.startswith("error: ")
     assert "No space left on device" in outcome.err
     assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("stream", ["out", "err"])
+def test_colors_are_for_terminals_that_want_them(stream, monkeypatch, capsys):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def printed(stream_type: type[io.StringIO]) -> str:
+        monkeypatch.setattr(f"sys.std{stream}", stream_type())
+        getattr(console, stream).print("[bold] :car:", style="red")
+        return getattr(sys, f"std{stream}").getvalue()
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert printed(Terminal) == "\x1b[31m[bold] :car:\x1b[0m\n"
+    assert printed(io.StringIO) == "[bold] :car:\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert printed(Terminal) == "[bold] :car:\n"
 
 
 def test_file_names_are_no_markup(bushseg):

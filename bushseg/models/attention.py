@@ -20,6 +20,15 @@ class AttentivePooling(nn.Module):
         """(N, K, C) -> (N, C)."""
         return (torch.softmax(self.score(x), dim=1) * x).sum(dim=1)
 
+    @property
+    def scores(self) -> nn.Linear:
+        """The linear map that gives the scores."""
+        return self.score
+
+    def combine(self, pooled: Tensor, mean: Tensor) -> Tensor:  # noqa: ARG002 - it has no gate
+        """What `forward` gives, from the weighted sum and the mean over the neighbors, (N, C)."""
+        return pooled
+
 
 class ChannelGate(nn.Module):
     """A weight for each channel from the neighborhood's mean, eq. 10 and 11.
@@ -34,7 +43,11 @@ class ChannelGate(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, K, C) -> (N, C) in (0, 1)."""
-        pooled = nn.functional.pad(x.mean(dim=1), (1, 1))  # g(x), eq. 10, zero beyond the ends
+        return self.of_mean(x.mean(dim=1))
+
+    def of_mean(self, mean: Tensor) -> Tensor:
+        """The same from g(x) of eq. 10, the mean over the neighbors, (N, C)."""
+        pooled = nn.functional.pad(mean, (1, 1))  # zero beyond the ends
         # Three shifted products: conv1d's backward pass took a seventh of a training step.
         left, middle, right = self.weight.unbind()
         mixed = left * pooled[:, :-2] + middle * pooled[:, 1:-1] + right * pooled[:, 2:]
@@ -56,7 +69,16 @@ class MultiChannelAttention(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, K, C) -> (N, C)."""
-        return self.gate(x) * self.pool(x)
+        return self.combine(self.pool(x), x.mean(dim=1))
+
+    @property
+    def scores(self) -> nn.Linear:
+        """The linear map that gives the scores."""
+        return self.pool.score
+
+    def combine(self, pooled: Tensor, mean: Tensor) -> Tensor:
+        """What `forward` gives, from the weighted sum and the mean over the neighbors, (N, C)."""
+        return self.gate.of_mean(mean) * pooled
 
 
 class EfficientChannelAttention(nn.Module):

@@ -18,9 +18,9 @@ class Level:
     Attributes:
         xyz: Positions in units of the level's spacing, (N, 3) float32.
         normals: Unit normals, (N, 3) float32.
-        neighbors: Neighbor indices within the level, (N, K) int64.
-        decimated: Survivors, indices into this level, (M,) int64.
-        interpolated: Nearest survivor of each point, indices into the next level, (N,) int64.
+        neighbors: Neighbor indices within the level, (N, K) int32.
+        decimated: Survivors, indices into this level, (M,) int32.
+        interpolated: Nearest survivor of each point, indices into the next level, (N,) int32.
     """
 
     xyz: Tensor
@@ -69,9 +69,9 @@ class Batch:
                 Level(
                     torch.from_numpy(xyz / np.float32(spacing * 2**depth)),
                     torch.from_numpy(normals),
-                    torch.from_numpy(pyramid.neighbors[depth]).long(),
-                    torch.from_numpy(decimated).long(),
-                    torch.from_numpy(pyramid.interpolated[depth]).long(),
+                    torch.from_numpy(pyramid.neighbors[depth]),
+                    torch.from_numpy(decimated),
+                    torch.from_numpy(pyramid.interpolated[depth]),
                 )
             )
             xyz, normals = xyz[decimated], normals[decimated]

@@ -8,12 +8,16 @@ With `NetworkConfig.randla()` and `sampling=random` this is RandLA-Net.
 Pure: tensors in, logits out. Neighbors, decimation and interpolation come in with the batch.
 """
 
+import torch
 from torch import Tensor, nn
 
 from bushseg.config import NetworkConfig
+from bushseg.models import kernels
 from bushseg.models.batch import Batch, Level
-from bushseg.models.layers import NEGATIVE_SLOPE, SharedMLP, gather, in_chunks
-from bushseg.models.lmff import CHUNK, FusionBlock, Geometry
+from bushseg.models.kernels import SLOPE
+from bushseg.models.layers import SharedMLP, gather, in_chunks
+from bushseg.models.lmff import FusionBlock, Geometry
+from bushseg.models.pooling import run_chunks
 
 
 class EncoderLayer(nn.Module):
@@ -29,6 +33,7 @@ class EncoderLayer(nn.Module):
         super().__init__()
         width = num_out // 4
         self.config = config
+        self.width, self.num_out = width, num_out
         self.enter = SharedMLP(num_in, width)
         self.first = FusionBlock(width, width, config)
         self.second = FusionBlock(width, num_out // 2, config)
@@ -37,9 +42,15 @@ class EncoderLayer(nn.Module):
 
     def forward(self, x: Tensor, level: Level) -> Tensor:
         """(N, num_in) -> (N, num_out)."""
-        geometry = Geometry.of(level, self.config)
-        inner = self.second(self.first(self.enter(x), geometry), geometry)
-        return nn.functional.leaky_relu(self.leave(inner) + self.shortcut(x), NEGATIVE_SLOPE)
+        geometry = Geometry.of(level, self.config, with_moments=self.training)
+        entered = in_chunks(self.enter.step(), self.width, x)
+        inner = self.second(self.first(entered, geometry), geometry)
+        leave, shortcut = self.leave.step(), self.shortcut.step()
+
+        def join(inner: Tensor, x: Tensor) -> Tensor:
+            return nn.functional.leaky_relu_(leave(inner).add_(shortcut(x)), SLOPE)
+
+        return in_chunks(join, self.num_out, inner, x)
 
 
 class DecoderLayer(nn.Module):
@@ -56,15 +67,18 @@ class DecoderLayer(nn.Module):
 
     def __init__(self, num_coarse: int, num_skip: int, num_out: int) -> None:
         super().__init__()
-        self.num_skip = num_skip
+        self.num_skip, self.num_out = num_skip, num_out
         self.mlp = SharedMLP(num_skip + num_coarse, num_out)
 
     def forward(self, coarse: Tensor, skip: Tensor, interpolated: Tensor) -> Tensor:
         """Coarse (M, num_coarse), skip (N, num_skip), interpolated (N,) -> (N, num_out)."""
-        weight = self.mlp.linear.weight
-        from_skip = skip @ weight[:, : self.num_skip].T
+        finish, weight = self.mlp.split_step()
         from_coarse = coarse @ weight[:, self.num_skip :].T
-        return self.mlp.finish(from_skip + gather(from_coarse, interpolated))
+
+        def join(skip: Tensor, interpolated: Tensor) -> Tensor:
+            return finish(skip @ weight[:, : self.num_skip].T + gather(from_coarse, interpolated))
+
+        return in_chunks(join, self.num_out, skip, interpolated)
 
 
 class BushNet(nn.Module):
@@ -79,6 +93,7 @@ class BushNet(nn.Module):
     def __init__(self, num_features: int, num_classes: int, config: NetworkConfig) -> None:
         super().__init__()
         widths = config.widths
+        self.stem_width, self.num_classes = config.stem_width, num_classes
         self.stem = SharedMLP(num_features, config.stem_width)
         incoming = (config.stem_width, *widths[:-1])
         self.encoder = nn.ModuleList(
@@ -110,7 +125,7 @@ class BushNet(nn.Module):
         Returns:
             Logits, (N, num_classes).
         """
-        x = self.stem(batch.features)  # (N, 8)
+        x = in_chunks(self.stem.step(), self.stem_width, batch.features)  # (N, 8)
         skips: list[Tensor] = []
         for layer, level in zip(self.encoder, batch.levels, strict=True):
             x = layer(x, level)  # (N_l, width)
@@ -121,14 +136,30 @@ class BushNet(nn.Module):
         x = self.bottleneck(skips.pop())
         for layer, level in zip(self.decoder, reversed(batch.levels), strict=True):
             x = layer(x, skips.pop(), level.interpolated)
-        logits: Tensor = self.head(x)
-        return logits
+        return self._classify(x)
+
+    def _classify(self, x: Tensor) -> Tensor:
+        """The head, (N, width) -> (N, num_classes)."""
+        first, second, dropout, linear = self.head
+        assert isinstance(first, SharedMLP)
+        assert isinstance(second, SharedMLP)
+        widen, narrow = first.step(), second.step()
+        return in_chunks(lambda rows: linear(dropout(narrow(widen(rows)))), self.num_classes, x)
 
 
 def pool_survivors(x: Tensor, level: Level) -> Tensor:
     """Max over each survivor's neighborhood: (N, C) -> (M, C)."""
     around = level.neighbors.index_select(0, level.decimated)  # (M, K)
-    return in_chunks(lambda rows: gather(x, rows).amax(dim=1), CHUNK, around)
+    if x.requires_grad or x.device.type != "cpu" or x.dtype != torch.float32:
+        return gather(x, around).amax(dim=1)
+    pooled = torch.empty(len(around), x.shape[1])
+    rows, indices, out = x.numpy(), around.numpy(), pooled.numpy()
+
+    def call(start: int, stop: int) -> None:
+        kernels.max_rows(rows, indices, start, stop, out)
+
+    run_chunks(call, len(pooled), 2048)
+    return pooled
 
 
 def count_parameters(network: nn.Module) -> dict[str, int]:

@@ -5,8 +5,11 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-NEGATIVE_SLOPE = 0.2
-"""Of the leaky ReLU, as in RandLA-Net's published code."""
+from bushseg.models.kernels import SLOPE
+from bushseg.models.pooling import run_chunks
+
+CHUNK = 2048
+"""Points handled at once without gradients; measured in benchmarks/RESULTS.md."""
 
 
 class SharedMLP(nn.Module):
@@ -26,7 +29,60 @@ class SharedMLP(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(..., num_in) -> (..., num_out)."""
-        return self.finish(self.linear(x))
+        return self.step()(x)
+
+    def step(self) -> Callable[[Tensor], Tensor]:
+        """What `forward` does, to be applied to many chunks of points.
+
+        With fixed statistics, normalization is part of the linear map: merged once, not a chunk.
+        """
+        if self.training:
+            return lambda x: self.finish(self.linear(x))
+        weight, bias = self.affine()
+        return lambda x: self._activate(nn.functional.linear(x, weight, bias))
+
+    def split_step(self) -> tuple[Callable[[Tensor], Tensor], Tensor]:
+        """What follows the linear map, and the map's weight: for inputs that come in parts."""
+        if self.training:
+            return self.finish, self.linear.weight
+        weight, bias = self.affine()
+        return lambda mapped: self._activate(mapped + bias), weight
+
+    def affine(
+        self, mean: Tensor | None = None, variance: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """The linear map and normalization as one: (num_out, num_in) and (num_out,).
+
+        Args:
+            mean: Of what `linear` gives, (num_out,); None takes the running statistics.
+            variance: Likewise.
+        """
+        norm = self.norm
+        if mean is None or variance is None:
+            assert norm.running_mean is not None
+            assert norm.running_var is not None
+            mean, variance = norm.running_mean, norm.running_var
+        scale = norm.weight * torch.rsqrt(variance + norm.eps)
+        return self.linear.weight * scale[:, None], norm.bias - mean * scale
+
+    @torch.no_grad()
+    def observe(self, mean: Tensor, variance: Tensor, num_rows: int) -> None:
+        """Move the running statistics as normalizing these rows would have.
+
+        Args:
+            mean: Of what `linear` gave for the rows, (num_out,).
+            variance: Likewise, over `num_rows`, not one less.
+            num_rows: How many rows.
+        """
+        norm = self.norm
+        assert norm.running_mean is not None
+        assert norm.running_var is not None
+        assert norm.num_batches_tracked is not None
+        norm.num_batches_tracked += 1
+        share = norm.momentum if norm.momentum is not None else 1 / int(norm.num_batches_tracked)
+        unbiased = variance * (num_rows / max(1, num_rows - 1))
+        norm.running_mean.lerp_(mean.to(norm.running_mean.dtype), share)
+        norm.running_var.lerp_(unbiased.to(norm.running_var.dtype), share)
 
     def finish(self, mapped: Tensor) -> Tensor:
         """Normalize and activate what has been mapped already, (..., num_out) -> the same."""
@@ -38,7 +94,10 @@ class SharedMLP(nn.Module):
             statistics = norm.running_mean, norm.running_var
             x = nn.functional.batch_norm(rows, *statistics, norm.weight, norm.bias, eps=norm.eps)
             x = x.view(mapped.shape)
-        return nn.functional.leaky_relu(x, NEGATIVE_SLOPE) if self.activation else x
+        return self._activate(x)
+
+    def _activate(self, x: Tensor) -> Tensor:
+        return nn.functional.leaky_relu_(x, SLOPE) if self.activation else x
 
 
 def gather(x: Tensor, indices: Tensor) -> Tensor:
@@ -47,23 +106,36 @@ def gather(x: Tensor, indices: Tensor) -> Tensor:
     return x.index_select(0, indices.reshape(-1)).view(*indices.shape, x.shape[1])
 
 
-def in_chunks(function: Callable[..., Tensor], size: int, *rows: Tensor) -> Tensor:
+def in_chunks(
+    function: Callable[..., Tensor], width: int, *rows: Tensor, size: int = CHUNK
+) -> Tensor:
     """Apply a function that treats rows independently, `size` rows at a time.
 
-    Without gradients a neighborhood's intermediate tensors are K times as large as its result and
-    needed once: chunks small enough for the processor's cache are faster and bound the memory.
-    With gradients (and so with batch statistics) everything is done at once.
+    Without gradients, chunks small enough for a core's cache are faster and bound the memory, and
+    on a CPU all cores take chunks. With gradients (and so with batch statistics) everything is done
+    at once.
 
     Args:
         function: Takes the chunks of `rows`, returns one tensor with as many rows.
-        size: Rows in a chunk.
+        width: Columns of what it returns.
         rows: Tensors of the same number of rows.
+        size: Rows in a chunk.
 
     Returns:
-        The function's result for all rows.
+        The function's result for all rows, (N, width).
     """
-    num_rows = len(rows[0])
-    if torch.is_grad_enabled() or num_rows <= size:
+    first = rows[0]
+    if torch.is_grad_enabled() or len(first) <= size:
         return function(*rows)
-    starts = range(0, num_rows, size)
-    return torch.cat([function(*(tensor[s : s + size] for tensor in rows)) for s in starts])
+    dtype = next((tensor.dtype for tensor in rows if tensor.is_floating_point()), torch.float32)
+    out = torch.empty(len(first), width, dtype=dtype, device=first.device)
+
+    def call(start: int, stop: int) -> None:
+        out[start:stop] = function(*(tensor[start:stop] for tensor in rows))
+
+    if first.device.type == "cpu":
+        run_chunks(call, len(first), size)
+    else:
+        for start in range(0, len(first), size):
+            call(start, start + size)
+    return out

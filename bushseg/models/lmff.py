@@ -11,15 +11,15 @@ import torch
 from torch import Tensor, nn
 
 from bushseg.config import NetworkConfig
-from bushseg.models.attention import ATTENTION
+from bushseg.models import kernels
+from bushseg.models.attention import ATTENTION, AttentivePooling, MultiChannelAttention
 from bushseg.models.batch import Level
 from bushseg.models.layers import SharedMLP, gather, in_chunks
+from bushseg.models.pooling import attentive_pool, run_chunks
 from bushseg.spf import simple_point_features
 
-CHUNK = 4096
-"""Neighborhoods handled at once without gradients; measured in benchmarks/RESULTS.md."""
-
 POSITION_WIDTH = {"relative": 4, "absolute": 10}
+SPF_WIDTH = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,32 +27,62 @@ class Geometry:
     """What a level's neighborhoods look like, shared by both blocks of its encoder.
 
     Attributes:
-        neighbors: Neighbor indices, (N, K) int64.
-        position: Position encoding, (N, K, 4 or 10), or None where SPO is off.
-        spf: (alpha, phi, theta), (N, K, 3), or None where SPF is off.
+        neighbors: Neighbor indices, (N, K) int32.
+        columns: Position encoding, then (alpha, phi, theta), those that are on, then a one:
+            (N, K, G).
+        moments: Mean of the products of every two columns, (G, G) float64; None where the
+            network's running statistics count.
     """
 
     neighbors: Tensor
-    position: Tensor | None
-    spf: Tensor | None
+    columns: Tensor
+    moments: Tensor | None
 
     @classmethod
-    def of(cls, level: Level, config: NetworkConfig) -> "Geometry":
+    def of(cls, level: Level, config: NetworkConfig, *, with_moments: bool) -> "Geometry":
         """Compute what the configuration asks for."""
-        spf = None
-        if config.spf:
-            spf = simple_point_features(level.xyz, level.normals, level.neighbors)
-        position = None
-        if config.spo:
-            position = encode_position(
-                level.xyz, level.neighbors, absolute=config.position == "absolute"
-            )
-        return cls(level.neighbors, position, spf)
+        fast = level.xyz.device.type == "cpu" and level.xyz.dtype == torch.float32
+        columns = (describe_fast if fast else describe)(level, config)
+        return cls(level.neighbors, columns, moments(columns) if with_moments else None)
 
-    @property
-    def columns(self) -> tuple[Tensor, ...]:
-        """The channels that are on."""
-        return tuple(channel for channel in (self.position, self.spf) if channel is not None)
+
+def describe(level: Level, config: NetworkConfig) -> Tensor:
+    """The columns of :class:`Geometry`, on any device and in any precision."""
+    parts = []
+    if config.spo:
+        absolute = config.position == "absolute"
+        parts.append(encode_position(level.xyz, level.neighbors, absolute=absolute))
+    if config.spf:
+        parts.append(simple_point_features(level.xyz, level.normals, level.neighbors))
+    one = torch.ones(1, 1, 1, dtype=level.xyz.dtype, device=level.xyz.device)
+    return torch.cat([*parts, one.expand(*level.neighbors.shape, 1)], dim=2)
+
+
+def describe_fast(level: Level, config: NetworkConfig) -> Tensor:
+    """The same in float32, compiled, on all cores."""
+    num_position = POSITION_WIDTH[config.position] if config.spo else 0
+    num_columns = num_position + SPF_WIDTH * config.spf + 1
+    columns = torch.empty(*level.neighbors.shape, num_columns)
+    written = columns.numpy()
+    xyz, normals = level.xyz.numpy(), level.normals.numpy()
+    neighbors, spf = level.neighbors.numpy(), config.spf
+
+    def call(start: int, stop: int) -> None:
+        out = written[start:stop]
+        kernels.describe(xyz, normals, neighbors, start, stop, num_position, spf, out)
+
+    run_chunks(call, len(xyz), 4096)
+    return columns
+
+
+def moments(columns: Tensor) -> Tensor:
+    """Mean product of every two columns over all pairs, (N, K, G) -> (G, G) float64."""
+    # Sums of a few thousand in float32, sums of these in float64: no digit that counts is lost.
+    total = torch.zeros(columns.shape[2], columns.shape[2], dtype=torch.float64)
+    for part in torch.split(columns, 512):
+        rows = part.flatten(0, 1)
+        total += (rows.T @ rows).double().cpu()
+    return total / columns[..., 0].numel()
 
 
 def encode_position(xyz: Tensor, neighbors: Tensor, *, absolute: bool) -> Tensor:
@@ -85,22 +115,76 @@ class FusionBlock(nn.Module):
 
     def __init__(self, width: int, num_out: int, config: NetworkConfig) -> None:
         super().__init__()
+        self.num_out = num_out
         self.lifts = nn.ModuleList()
-        if config.spo:
-            self.lifts.append(SharedMLP(POSITION_WIDTH[config.position], width))
-        if config.spf:
-            self.lifts.append(SharedMLP(3, width))
+        self.spans: list[slice] = []
+        """The geometry's columns that each lift takes."""
+        for num_columns in (
+            POSITION_WIDTH[config.position] * config.spo,
+            SPF_WIDTH * config.spf,
+        ):
+            if num_columns:
+                start = self.spans[-1].stop if self.spans else 0
+                self.spans.append(slice(start, start + num_columns))
+                self.lifts.append(SharedMLP(num_columns, width))
         fused = width * (1 + len(self.lifts))
         self.attention = ATTENTION[config.attention](fused)
         self.mlp = SharedMLP(fused, num_out)
 
     def forward(self, x: Tensor, geometry: Geometry) -> Tensor:
         """Features (N, width) -> (N, num_out)."""
+        mlp, attention = self.mlp.step(), self.attention
+        fast = x.device.type == "cpu" and x.dtype == torch.float32
+        if fast and isinstance(attention, (AttentivePooling, MultiChannelAttention)):
+            pooled = attentive_pool(
+                x,
+                geometry.neighbors,
+                geometry.columns,
+                self._lift(geometry),
+                attention.scores.weight,
+            )
+            return in_chunks(lambda *parts: mlp(attention.combine(*parts)), self.num_out, *pooled)
+        lifts = [lift.step() for lift in self._lifts()]
 
-        def pool(neighbors: Tensor, *columns: Tensor) -> Tensor:
-            channels = [lift(column) for lift, column in zip(self.lifts, columns, strict=True)]
+        def pool(neighbors: Tensor, columns: Tensor) -> Tensor:
+            channels = [
+                lift(columns[..., span]) for lift, span in zip(lifts, self.spans, strict=True)
+            ]
             fused = torch.cat([gather(x, neighbors), *channels], dim=2)  # (n, K, fused)
-            pooled: Tensor = self.mlp(self.attention(fused))
-            return pooled
+            return mlp(attention(fused))
 
-        return in_chunks(pool, CHUNK, geometry.neighbors, *geometry.columns)
+        return in_chunks(pool, self.num_out, geometry.neighbors, geometry.columns, size=4096)
+
+    def _lifts(self) -> list[SharedMLP]:
+        return [lift for lift in self.lifts if isinstance(lift, SharedMLP)]
+
+    def _lift(self, geometry: Geometry) -> Tensor:
+        """All lifts as one linear map of the geometry's columns, (G, lifted).
+
+        Normalization of a linear map of few columns needs their moments alone: the mean of W g is
+        W mean(g), its variance the diagonal of W cov(g) W^T.
+        """
+        blocks = []
+        for lift, span in zip(self._lifts(), self.spans, strict=True):
+            weight, bias = lift.affine(*_statistics(lift, geometry, span))
+            before, after = span.start, self.spans[-1].stop - span.stop
+            blocks.append(
+                torch.cat([nn.functional.pad(weight.T, (0, 0, before, after)), bias[None]])
+            )
+        if not blocks:
+            return torch.empty(1, 0)
+        return torch.cat(blocks, dim=1)
+
+
+def _statistics(
+    lift: SharedMLP, geometry: Geometry, span: slice
+) -> tuple[Tensor | None, Tensor | None]:
+    """Mean and variance of what a lift's linear map gives; None where the running ones count."""
+    if geometry.moments is None:
+        return None, None
+    weight, center = lift.linear.weight.double(), geometry.moments[span, -1]
+    covariance = geometry.moments[span, span] - center[:, None] * center
+    mean = weight @ center
+    variance = ((weight @ covariance) * weight).sum(dim=1).clamp_min(0)
+    lift.observe(mean, variance, geometry.neighbors.numel())
+    return mean.float(), variance.float()

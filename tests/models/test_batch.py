@@ -18,7 +18,7 @@ def test_from_numpy_scales_each_level_by_its_spacing():
     np.testing.assert_array_equal(first.xyz, xyz / 0.5)
     np.testing.assert_array_equal(second.xyz, xyz[[1, 3]] / 1.0)
     np.testing.assert_array_equal(second.normals, xyz[[1, 3]] + 1)
-    assert first.neighbors.dtype == first.decimated.dtype == first.interpolated.dtype == torch.int64
+    assert first.neighbors.dtype == first.decimated.dtype == first.interpolated.dtype == torch.int32
     assert second.decimated.tolist() == [1]
 
 

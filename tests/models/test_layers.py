@@ -39,12 +39,37 @@ def test_in_chunks_equals_the_whole(size):
         return x + y.sum(dim=1)
 
     with torch.no_grad():
-        torch.testing.assert_close(in_chunks(function, size, a, b), a + b.sum(dim=1))
+        torch.testing.assert_close(in_chunks(function, 2, a, b, size=size), a + b.sum(dim=1))
     assert max(sizes) <= size
     assert sum(sizes) == 10
 
 
 def test_with_gradients_nothing_is_cut():
     sizes = []
-    in_chunks(lambda x: sizes.append(len(x)) or x, 3, torch.randn(10, 2))
+    in_chunks(lambda x: sizes.append(len(x)) or x, 2, torch.randn(10, 2), size=3)
     assert sizes == [10]
+
+
+@pytest.mark.parametrize("activation", [True, False])
+def test_fixed_statistics_merge_into_the_linear_map(activation):
+    torch.manual_seed(0)
+    mlp = SharedMLP(3, 4, activation=activation)
+    for _ in range(3):
+        mlp(2 + 3 * torch.randn(50, 3))
+    mlp.eval()
+    x, coarse = torch.randn(20, 3), torch.randn(20, 3)
+    torch.testing.assert_close(mlp(x), mlp.finish(mlp.linear(x)))
+    finish, weight = mlp.split_step()
+    torch.testing.assert_close(finish(x @ weight.T + coarse @ weight.T), mlp(x + coarse))
+
+
+def test_observing_moves_the_statistics_as_normalizing_does():
+    torch.manual_seed(0)
+    rows = torch.randn(30, 3)
+    mlp, other = SharedMLP(3, 4), SharedMLP(3, 4)
+    other.load_state_dict(mlp.state_dict())
+    mlp(rows)
+    mapped = other.linear(rows).detach().double()
+    other.observe(mapped.mean(dim=0), mapped.var(dim=0, correction=0), len(rows))
+    for name, buffer in other.norm.named_buffers():
+        torch.testing.assert_close(buffer, mlp.norm.get_buffer(name))

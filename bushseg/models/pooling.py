@@ -1,0 +1,207 @@
+"""Attentive pooling of a neighborhood's fused channels, in one pass that stays in the cache.
+
+What `lmff.py` and `attention.py` say in a line each (gather the neighbors' features, lift position
+and SPF, score, softmax over the neighbors, sum) takes a dozen passes over tensors of N K C numbers
+as PyTorch runs it. Here a few hundred points are taken through all of it at a time, on all cores:
+
+- a linear map of gathered features equals gathering mapped features, so the features' share of the
+  scores is computed once a point, not once a pair;
+- batch normalization of a lift is an affine map whose statistics follow from the moments of its few
+  input columns, so lifting is one product;
+- nothing of size N K C is stored: the backward pass computes its chunk again.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from bushseg.models import kernels
+from bushseg.parallel import for_chunks, num_workers
+
+_CHUNK_FLOATS = 350_000
+"""What a chunk's arrays over pairs hold, about: a core's second-level cache."""
+
+
+@contextmanager
+def serial_torch() -> Iterator[None]:
+    """Hold PyTorch's own threads to one, for as long as ours are many."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def run_chunks(function: Callable[[int, int], object], num_rows: int, size: int) -> None:
+    """:func:`bushseg.parallel.for_chunks` for functions of PyTorch that need no gradients."""
+
+    def call(start: int, stop: int) -> None:
+        with torch.inference_mode():  # a thread's own setting
+            function(start, stop)
+
+    with serial_torch():
+        for_chunks(call, num_rows, size)
+
+
+def attentive_pool(
+    x: Tensor, neighbors: Tensor, columns: Tensor, lift: Tensor, score: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Pool each neighborhood's channels by attention, and plainly.
+
+    The channels of a pair are the neighbor's features and the lifted geometry,
+    f = [x_k, leaky_relu(columns lift)]; the weights are the softmax over the neighbors of score f.
+
+    Args:
+        x: Features, (N, width), float32.
+        neighbors: Neighbor indices, (N, K), int32.
+        columns: Geometry of each pair, (N, K, G), float32, not differentiated.
+        lift: (G, L).
+        score: (C, C) with C = width + L.
+
+    Returns:
+        Weighted sum and mean over the neighbors, (N, C) each.
+    """
+    pooled, mean = _AttentivePool.apply(x, neighbors, columns, lift, score)  # type: ignore[no-untyped-call]
+    return pooled, mean
+
+
+class _AttentivePool(torch.autograd.Function):
+    """The function above and its gradients."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, x: Tensor, neighbors: Tensor, columns: Tensor, lift: Tensor, score: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        work = _Work(x, neighbors, columns, lift, score)
+        pooled = torch.empty(len(x), len(score))
+        mean = torch.empty(len(x), len(score))
+        run_chunks(
+            lambda start, stop: work.forward(start, stop, pooled[start:stop], mean[start:stop]),
+            len(x),
+            work.chunk,
+        )
+        ctx.save_for_backward(x, neighbors, columns, lift, score, pooled)
+        return pooled, mean
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        x, neighbors, columns, lift, score, pooled = ctx.saved_tensors
+        d_pooled, d_mean = (gradient.contiguous() for gradient in gradients)
+        work, num_rows = _Work(x, neighbors, columns, lift, score), len(x)
+        # A share of the rows each, and sums of its own: the order of addition is always the same.
+        share = -(-num_rows // num_workers())
+        sums = [_Sums(x, lift, score) for _ in range(-(-num_rows // share))]
+
+        def call(start: int, stop: int) -> None:
+            for first in range(start, stop, work.chunk):
+                rows = slice(first, min(first + work.chunk, stop))
+                work.backward(
+                    rows, pooled[rows], d_pooled[rows], d_mean[rows], sums[start // share]
+                )
+
+        run_chunks(call, num_rows, share)
+        d_x, d_mapped, d_lift, d_lifted_score = (
+            torch.stack(parts).sum(dim=0) if len(parts) > 1 else parts[0]
+            for parts in zip(*((s.x, s.mapped, s.lift, s.score) for s in sums), strict=True)
+        )
+        width = x.shape[1]
+        d_x += d_mapped @ score[:, :width]
+        d_score = torch.cat([d_mapped.T @ x, d_lifted_score], dim=1)
+        return d_x, None, None, d_lift, d_score
+
+
+class _Sums:
+    """Gradients that one worker adds up."""
+
+    def __init__(self, x: Tensor, lift: Tensor, score: Tensor) -> None:
+        width = x.shape[1]
+        self.x = torch.zeros(x.shape)
+        self.mapped = torch.zeros(len(x), len(score))
+        self.lift = torch.zeros(lift.shape)
+        self.score = torch.zeros(len(score), len(score) - width)
+
+
+class _Work:
+    """A chunk of points through the function, and back."""
+
+    def __init__(
+        self, x: Tensor, neighbors: Tensor, columns: Tensor, lift: Tensor, score: Tensor
+    ) -> None:
+        self.width = x.shape[1]
+        self.x = x.detach().contiguous()
+        self.mapped = self.x @ score.detach()[:, : self.width].T  # the features' share of scores
+        self.neighbors = neighbors.numpy()
+        self.columns = columns.detach()
+        self.lift = lift.detach().contiguous()
+        self.score = score.detach()[:, self.width :].contiguous()
+        self.k, self.channels = neighbors.shape[1], len(score)
+        self.chunk = max(1, _CHUNK_FLOATS // (self.k * 2 * self.channels))
+        self.kernels = kernels.pair_kernels(self.k, columns.shape[2])
+        self._local = threading.local()
+
+    def forward(self, start: int, stop: int, pooled: Tensor, mean: Tensor) -> None:
+        """Pool points start to stop into `pooled` and `mean`."""
+        fused, scores = self._fuse(start, stop)
+        scores.exp_()
+        out = pooled.numpy(), mean.numpy()
+        if math.isnan(self.kernels.pool(scores.numpy(), fused.numpy(), *out)):
+            # exp overflowed, or vanished for all neighbors: again, scores less their greatest.
+            fused, scores = self._fuse(start, stop)
+            _weigh(scores, self.k)
+            self.kernels.pool(scores.numpy(), fused.numpy(), *out)
+
+    def backward(
+        self, rows: slice, pooled: Tensor, d_pooled: Tensor, d_mean: Tensor, sums: _Sums
+    ) -> None:
+        """Add the gradients of a chunk's points to `sums`."""
+        fused, scores = self._fuse(rows.start, rows.stop)
+        _weigh(scores, self.k)
+        (d_fused,) = self._buffers(len(scores), "d_fused")
+        tensors = scores, fused, pooled, d_pooled, d_mean, d_fused
+        self.kernels.pool_backward(*(tensor.numpy() for tensor in tensors))
+        lifted, d_lifted = fused[:, self.width :], d_fused[:, self.width :]
+        sums.score.addmm_(scores.T, lifted)
+        d_lifted.addmm_(scores, self.score)
+        d_lifted.mul_(torch.where(lifted > 0, 1.0, kernels.SLOPE))
+        sums.lift.addmm_(self.columns[rows].flatten(0, 1).T, d_lifted)
+        around = self.neighbors, rows.start, rows.stop
+        kernels.scatter_rows(d_fused.numpy(), *around, sums.x.numpy())
+        kernels.scatter_rows(scores.numpy(), *around, sums.mapped.numpy())
+
+    def _fuse(self, start: int, stop: int) -> tuple[Tensor, Tensor]:
+        """Channels and scores of a chunk's pairs, (pairs, C) each."""
+        fused, scores = self._buffers((stop - start) * self.k, "fused", "scores")
+        arrays = (t.numpy() for t in (self.x, self.mapped))
+        self.kernels.fuse(
+            *arrays,
+            self.neighbors,
+            self.columns.numpy(),
+            self.lift.numpy(),
+            start,
+            stop,
+            fused.numpy(),
+            scores.numpy(),
+        )
+        scores.addmm_(fused[:, self.width :], self.score.T)
+        return fused, scores
+
+    def _buffers(self, num_pairs: int, *names: str) -> list[Tensor]:
+        """This thread's arrays over pairs: allocating anew would cost as much as filling them."""
+        kept: dict[str, Tensor] = self._local.__dict__
+        for name in names:
+            if name not in kept:
+                # PyTorch's memory is aligned: products then round the same way every time.
+                kept[name] = torch.empty(self.chunk * self.k, self.channels)
+        return [kept[name][:num_pairs] for name in names]
+
+
+def _weigh(scores: Tensor, k: int) -> None:
+    """Scores to exponentials that neither overflow nor all vanish, in place; (pairs, C)."""
+    by_point = scores.view(-1, k, scores.shape[1])
+    by_point.sub_(by_point.amax(dim=1, keepdim=True)).exp_()

@@ -135,6 +135,23 @@ def scatter_rows(rows: Floats, neighbors: Indices, start: int, stop: int, out: F
 
 
 @compiled_fast
+def leak_gradients(gradients: Floats, values: Floats, first: int) -> None:
+    """Gradients of a leaky ReLU that gave `values`, in place, of the columns from `first` on.
+
+    Args:
+        gradients: (pairs, C).
+        values: (pairs, C).
+        first: First column.
+    """
+    offset = np.uintp(first)
+    for m in range(len(values)):
+        for c in range(values.shape[1] - first):
+            column = offset + np.uintp(c)
+            gradient = gradients[m, column]
+            gradients[m, column] = gradient if values[m, column] > 0 else _SLOPE * gradient
+
+
+@compiled_fast
 def max_rows(x: Floats, neighbors: Indices, start: int, stop: int, out: Floats) -> None:
     """Greatest of the neighbors' rows of x, channel by channel: (N, C) -> (M, C), M indexed."""
     for m in range(start, stop):
@@ -156,7 +173,7 @@ class PairKernels(NamedTuple):
 
     fuse: Callable[..., None]
     pool: Callable[..., float]
-    pool_backward: Callable[..., None]
+    pool_backward: Callable[..., float]
 
 
 @lru_cache
@@ -239,22 +256,28 @@ def pair_kernels(num_neighbors: int, num_columns: int) -> PairKernels:
         d_pooled: Floats,
         d_mean: Floats,
         d_fused: Floats,
-    ) -> None:
+    ) -> Any:
         """Gradients of `pool`; `weights` are replaced by the gradients of the scores.
 
         With a = softmax of the scores s: d value = a d pooled + d mean / K, and
         d s = a (value - pooled) d pooled. `d_fused` is written to, (pairs, C).
         """
+        channels = fused.shape[1]
+        up, flat = np.empty(channels, np.float32), np.empty(channels, np.float32)
+        check = _ZERO
         for n in range(len(pooled)):
             first = n * k_count
-            for c in range(fused.shape[1]):
+            for c in range(channels):
                 total = _ZERO
                 for k in range(k_count):
                     total += weights[first + k, c]
-                up, flat = d_pooled[n, c] / total, d_mean[n, c] / np.float32(k_count)
-                for k in range(k_count):
-                    share = weights[first + k, c] * up
+                up[c], flat[c] = d_pooled[n, c] / total, d_mean[n, c] / np.float32(k_count)
+                check += total  # without a sum over channels, they aren't taken abreast
+            for k in range(k_count):
+                for c in range(channels):
+                    share = weights[first + k, c] * up[c]
                     weights[first + k, c] = share * (fused[first + k, c] - pooled[n, c])
-                    d_fused[first + k, c] = share + flat
+                    d_fused[first + k, c] = share + flat[c]
+        return check
 
     return PairKernels(fuse, pool, pool_backward)

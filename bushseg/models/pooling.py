@@ -87,13 +87,14 @@ class _AttentivePool(torch.autograd.Function):
             work.chunk,
         )
         ctx.save_for_backward(x, neighbors, columns, lift, score, pooled)
+        ctx.huge = work.huge
         return pooled, mean
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         x, neighbors, columns, lift, score, pooled = ctx.saved_tensors
         d_pooled, d_mean = (gradient.contiguous() for gradient in gradients)
-        work, num_rows = _Work(x, neighbors, columns, lift, score), len(x)
+        work, num_rows = _Work(x, neighbors, columns, lift, score, huge=ctx.huge), len(x)
         # A share of the rows each, and sums of its own: the order of addition is always the same.
         share = -(-num_rows // num_workers())
         sums = [_Sums(x, lift, score) for _ in range(-(-num_rows // share))]
@@ -128,11 +129,23 @@ class _Sums:
 
 
 class _Work:
-    """A chunk of points through the function, and back."""
+    """A chunk of points through the function, and back.
+
+    Attributes:
+        huge: Whether there are scores whose exponentials overflow, or vanish for all neighbors.
+    """
 
     def __init__(
-        self, x: Tensor, neighbors: Tensor, columns: Tensor, lift: Tensor, score: Tensor
+        self,
+        x: Tensor,
+        neighbors: Tensor,
+        columns: Tensor,
+        lift: Tensor,
+        score: Tensor,
+        *,
+        huge: bool = False,
     ) -> None:
+        self.huge = huge
         self.width = x.shape[1]
         self.x = x.detach().contiguous()
         self.mapped = self.x @ score.detach()[:, : self.width].T  # the features' share of scores
@@ -151,7 +164,7 @@ class _Work:
         scores.exp_()
         out = pooled.numpy(), mean.numpy()
         if math.isnan(self.kernels.pool(scores.numpy(), fused.numpy(), *out)):
-            # exp overflowed, or vanished for all neighbors: again, scores less their greatest.
+            self.huge = True
             fused, scores = self._fuse(start, stop)
             _weigh(scores, self.k)
             self.kernels.pool(scores.numpy(), fused.numpy(), *out)
@@ -161,14 +174,17 @@ class _Work:
     ) -> None:
         """Add the gradients of a chunk's points to `sums`."""
         fused, scores = self._fuse(rows.start, rows.stop)
-        _weigh(scores, self.k)
+        if self.huge:
+            _weigh(scores, self.k)
+        else:
+            scores.exp_()
         (d_fused,) = self._buffers(len(scores), "d_fused")
         tensors = scores, fused, pooled, d_pooled, d_mean, d_fused
         self.kernels.pool_backward(*(tensor.numpy() for tensor in tensors))
         lifted, d_lifted = fused[:, self.width :], d_fused[:, self.width :]
         sums.score.addmm_(scores.T, lifted)
         d_lifted.addmm_(scores, self.score)
-        d_lifted.mul_(torch.where(lifted > 0, 1.0, kernels.SLOPE))
+        kernels.leak_gradients(d_fused.numpy(), fused.numpy(), self.width)
         sums.lift.addmm_(self.columns[rows].flatten(0, 1).T, d_lifted)
         around = self.neighbors, rows.start, rows.stop
         kernels.scatter_rows(d_fused.numpy(), *around, sums.x.numpy())
@@ -202,6 +218,11 @@ class _Work:
 
 
 def _weigh(scores: Tensor, k: int) -> None:
-    """Scores to exponentials that neither overflow nor all vanish, in place; (pairs, C)."""
+    """Scores to exponentials, in place: less their greatest, they neither overflow nor all vanish.
+
+    Args:
+        scores: (pairs, C).
+        k: K.
+    """
     by_point = scores.view(-1, k, scores.shape[1])
     by_point.sub_(by_point.amax(dim=1, keepdim=True)).exp_()

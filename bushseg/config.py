@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from bushseg.errors import ConfigError
 
 Sampling = Literal["mrs", "random"]
+Precision = Literal["auto", "float32", "bfloat16"]
 Attention = Literal["mam", "randla", "eca", "se", "nonlocal", "axial"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -141,6 +142,11 @@ class PredictConfig(Section):
     )
     halo: int | None = Field(
         None, ge=0, le=512, description="Context around a tile, voxels; None: as the model's data"
+    )
+    precision: Precision = Field(
+        "auto",
+        description="How a CPU multiplies matrices; auto: in bfloat16 where the processor has "
+        "units for it (about one label in a thousand differs), else in float32",
     )
     keep_classification: bool = Field(
         False, description="Leave LAS classification alone; write the added dimensions only"

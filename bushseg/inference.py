@@ -6,9 +6,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from bushseg.config import Precision
 from bushseg.features import FEATURES
 from bushseg.models.batch import Batch
 from bushseg.models.bushnet import BushNet
+from bushseg.models.pooling import serial_torch
+from bushseg.models.precision import multiplying_in
 from bushseg.tile_data import TileData
 
 
@@ -33,7 +36,11 @@ def feature_matrix(
 
 
 def tile_logits(
-    network: BushNet, tile: TileData, features: Sequence[str], voxel_size: float
+    network: BushNet,
+    tile: TileData,
+    features: Sequence[str],
+    voxel_size: float,
+    precision: Precision = "auto",
 ) -> NDArray[np.float32]:
     """Class scores of a tile's core.
 
@@ -42,6 +49,7 @@ def tile_logits(
         tile: The tile.
         features: The network's features, in order.
         voxel_size: Metres.
+        precision: How matrices are multiplied.
 
     Returns:
         Logits of the core's voxels, in the tile's order, shape (core, C), float32.
@@ -54,7 +62,8 @@ def tile_logits(
         voxel_size,
     )
     device = next(network.parameters()).device
-    with torch.inference_mode():
+    # Cores are shared out over chunks of points: PyTorch's own threads would only wait in between.
+    with torch.inference_mode(), serial_torch(), multiplying_in(precision):
         logits = network(batch.to(device))[torch.from_numpy(tile.is_core).to(device)]
     return logits.float().cpu().numpy()
 

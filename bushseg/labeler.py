@@ -59,7 +59,9 @@ def label_tiles(
     progress.start("labelling", len(scan.voxels), "voxels")
     for tile in tiling.tiles:
         data = cut_tile(scan, tiling, tile, card.prepare)
-        logits = tile_logits(model.network, data, card.features, card.prepare.voxel_size)
+        logits = tile_logits(
+            model.network, data, card.features, card.prepare.voxel_size, config.precision
+        )
         yield TilePrediction(
             indices=data.indices[data.is_core],
             probabilities=probabilities(logits),

@@ -73,10 +73,11 @@ class DecoderLayer(nn.Module):
     def forward(self, coarse: Tensor, skip: Tensor, interpolated: Tensor) -> Tensor:
         """Coarse (M, num_coarse), skip (N, num_skip), interpolated (N,) -> (N, num_out)."""
         finish, weight = self.mlp.split_step()
-        from_coarse = coarse @ weight[:, self.num_skip :].T
+        of_skip, of_coarse = weight[:, : self.num_skip].T, weight[:, self.num_skip :].T
+        from_coarse = in_chunks(lambda rows: rows @ of_coarse, self.num_out, coarse)
 
         def join(skip: Tensor, interpolated: Tensor) -> Tensor:
-            return finish(skip @ weight[:, : self.num_skip].T + gather(from_coarse, interpolated))
+            return finish((skip @ of_skip).add_(gather(from_coarse, interpolated)))
 
         return in_chunks(join, self.num_out, skip, interpolated)
 

@@ -89,30 +89,30 @@ def describe(
         x, y, z = xyz[n, 0], xyz[n, 1], xyz[n, 2]
         ux, uy, uz = normals[n, 0], normals[n, 1], normals[n, 2]
         for k in range(neighbors.shape[1]):
-            row, j = out[n - start, k], neighbors[n, k]
+            m, j = n - start, neighbors[n, k]
             dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
-            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-            column = 0
+            distance = np.float32(math.sqrt(dx * dx + dy * dy + dz * dz))
+            g = 0
             if num_position == 10:
-                row[0], row[1], row[2] = x, y, z
-                row[3], row[4], row[5] = xyz[j, 0], xyz[j, 1], xyz[j, 2]
-                column = 6
+                out[m, k, 0], out[m, k, 1], out[m, k, 2] = x, y, z
+                out[m, k, 3], out[m, k, 4], out[m, k, 5] = xyz[j, 0], xyz[j, 1], xyz[j, 2]
+                g = 6
             if num_position:
-                row[column], row[column + 1], row[column + 2] = -dx, -dy, -dz
-                row[column + 3] = distance
-                column += 4
+                out[m, k, g], out[m, k, g + 1], out[m, k, g + 2] = -dx, -dy, -dz
+                out[m, k, g + 3] = distance
+                g += 4
             if spf:
                 nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
                 inverse = _ONE / max(distance, _TINY)
                 ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
                 vx, vy, vz = uy * ez - uz * ey, uz * ex - ux * ez, ux * ey - uy * ex
                 wx, wy, wz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-                row[column] = vx * nx + vy * ny + vz * nz
-                row[column + 1] = ux * ex + uy * ey + uz * ez
                 theta = _atan2(wx * nx + wy * ny + wz * nz, ux * nx + uy * ny + uz * nz)
-                row[column + 2] = theta if distance > 0 else _ZERO
-                column += 3
-            row[column] = _ONE
+                out[m, k, g] = vx * nx + vy * ny + vz * nz
+                out[m, k, g + 1] = ux * ex + uy * ey + uz * ez
+                out[m, k, g + 2] = theta if distance > 0 else _ZERO
+                g += 3
+            out[m, k, g] = _ONE
 
 
 @compiled_fast

@@ -46,7 +46,7 @@ class SharedMLP(nn.Module):
         if self.training:
             return self.finish, self.linear.weight
         weight, bias = self.affine()
-        return lambda mapped: self._activate(mapped + bias), weight
+        return lambda mapped: self._activate(mapped.add_(bias)), weight
 
     def affine(
         self, mean: Tensor | None = None, variance: Tensor | None = None

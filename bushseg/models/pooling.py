@@ -148,7 +148,13 @@ class _Work:
         self.huge = huge
         self.width = x.shape[1]
         self.x = x.detach().contiguous()
-        self.mapped = self.x @ score.detach()[:, : self.width].T  # the features' share of scores
+        self.mapped = torch.empty(len(x), len(score))  # the features' share of the scores
+        to_scores = score.detach()[:, : self.width].T
+
+        def call(start: int, stop: int) -> None:
+            torch.mm(self.x[start:stop], to_scores, out=self.mapped[start:stop])
+
+        run_chunks(call, len(x), 4096)
         self.neighbors = neighbors.numpy()
         self.columns = columns.detach()
         self.lift = lift.detach().contiguous()

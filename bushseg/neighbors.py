@@ -1,13 +1,17 @@
-"""Nearest neighbors through Open3D's KD-tree."""
+"""Nearest neighbors, exact and the same whatever else is done with the points."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.geometry import open3d
+from bushseg.compiled import compiled
+from bushseg.neighbor_search import build_boxes, search
+from bushseg.parallel import for_chunks
+
+_CHUNK = 4096  # queries a thread answers at a time
 
 
 class NeighborIndex:
-    """A KD-tree over a set of points.
+    """A set of points to be searched.
 
     Args:
         points: Positions, shape (N, 3), float32, relative to a nearby origin; N >= 1. Points in
@@ -15,16 +19,16 @@ class NeighborIndex:
     """
 
     def __init__(self, points: NDArray[np.float32]) -> None:
-        core = open3d().core
         self.points = np.ascontiguousarray(points)
-        self._search = core.nns.NearestNeighborSearch(core.Tensor(self.points))
-        self._search.knn_index()
+        self._boxes = build_boxes(self.points)
 
     def query(self, queries: NDArray[np.float32], k: int) -> NDArray[np.int32]:
         """The k nearest points of each query, nearest first.
 
-        Where the set holds fewer than k points, the neighbors found are repeated in turn, so that
-        every row is full.
+        Of points at equal distance, the one with the lower index comes first: between voxels in
+        Morton order that is the one with the lower key, in whichever tile they are seen. Where the
+        set holds fewer than k points, the neighbors found are repeated in turn, so that every row
+        is full.
 
         Args:
             queries: Positions in the same frame, shape (M, 3), float32.
@@ -33,10 +37,45 @@ class NeighborIndex:
         Returns:
             Neighbor indices, shape (M, k), int32.
         """
-        available = min(k, len(self.points))
-        core = open3d().core
-        found, _ = self._search.knn_search(core.Tensor(np.ascontiguousarray(queries)), available)
-        indices = found.numpy().reshape(len(queries), available).astype(np.int32)
-        if available < k:
-            indices = np.tile(indices, (1, -(-k // available)))[:, :k]
-        return indices
+        columns = np.ascontiguousarray(queries.T)
+        found = np.empty((len(queries), k), dtype=np.int32)
+        for_chunks(
+            lambda start, stop: search(self._boxes, columns, start, stop, found),
+            len(queries),
+            _CHUNK,
+        )
+        return found
+
+
+def nearest(
+    points: NDArray[np.float32], center: NDArray[np.float32], k: int
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """The k points nearest to one place, for a k that is a good part of all points.
+
+    Args:
+        points: Positions, shape (N, 3), float32.
+        center: The place, shape (3,), float32.
+        k: How many, at most N; of points at equal distance the first are taken.
+
+    Returns:
+        Their indices, ascending, shape (k,), int32; and their distances, shape (k,), float32.
+    """
+    squared = _square_distances(np.ascontiguousarray(points), center)
+    farthest = np.partition(squared, k - 1)[k - 1]
+    indices = np.flatnonzero(squared <= farthest).astype(np.int32)
+    if len(indices) > k:  # several at the largest distance
+        equal = np.flatnonzero(squared[indices] == farthest)
+        indices = np.delete(indices, equal[k - len(indices) :])
+    return indices, np.sqrt(squared[indices])
+
+
+@compiled
+def _square_distances(
+    points: NDArray[np.float32], center: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Squared distance of each point to a place, shape (N,), float32."""
+    squared = np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - center[0], points[i, 1] - center[1], points[i, 2] - center[2]
+        squared[i] = x * x + y * y + z * z
+    return squared

@@ -55,64 +55,75 @@ def _atan2(y: Any, x: Any) -> Any:
     p = p * s + _ATAN[6]
     p = p * s + _ATAN[7]
     angle = p * t
-    if across > along:
-        angle = np.float32(math.pi / 2) - angle
-    if x < 0:
-        angle = np.float32(math.pi) - angle
+    angle = np.float32(math.pi / 2) - angle if across > along else angle
+    angle = np.float32(math.pi) - angle if x < 0 else angle
     return -angle if y < 0 else angle
 
 
-@compiled_fast
-def describe(
-    xyz: Floats,
-    normals: Floats,
-    neighbors: Indices,
-    start: int,
-    stop: int,
-    num_position: int,
-    spf: bool,
-    out: Floats,
-) -> None:
-    """Position encoding and SPF of each pair, and a column of ones: (stop - start, K, columns).
+@lru_cache
+def describe_kernel(num_neighbors: int, num_position: int, spf: bool) -> Callable[..., None]:
+    """Compile the geometry of pairs for K neighbors and the columns wanted.
 
     Args:
-        xyz: Positions, (N, 3).
-        normals: Unit normals, (N, 3).
-        neighbors: Neighbor indices, (N, K).
-        start: First point.
-        stop: Point after the last.
+        num_neighbors: K.
         num_position: 0, 4 (offset, distance) or 10 (p_i and p_k before them).
         spf: Whether alpha, phi and theta (eq. 4-9) follow.
-        out: Written to; `num_position` + 3 if `spf` + 1 columns.
+
+    Returns:
+        A compiled function; its arguments are said below.
     """
-    for n in range(start, stop):
-        x, y, z = xyz[n, 0], xyz[n, 1], xyz[n, 2]
-        ux, uy, uz = normals[n, 0], normals[n, 1], normals[n, 2]
-        for k in range(neighbors.shape[1]):
-            m, j = n - start, neighbors[n, k]
-            dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
-            distance = np.float32(math.sqrt(dx * dx + dy * dy + dz * dz))
-            g = 0
-            if num_position == 10:
-                out[m, k, 0], out[m, k, 1], out[m, k, 2] = x, y, z
-                out[m, k, 3], out[m, k, 4], out[m, k, 5] = xyz[j, 0], xyz[j, 1], xyz[j, 2]
-                g = 6
-            if num_position:
-                out[m, k, g], out[m, k, g + 1], out[m, k, g + 2] = -dx, -dy, -dz
-                out[m, k, g + 3] = distance
-                g += 4
-            if spf:
-                nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
-                inverse = _ONE / max(distance, _TINY)
-                ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
-                vx, vy, vz = uy * ez - uz * ey, uz * ex - ux * ez, ux * ey - uy * ex
-                wx, wy, wz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-                theta = _atan2(wx * nx + wy * ny + wz * nz, ux * nx + uy * ny + uz * nz)
-                out[m, k, g] = vx * nx + vy * ny + vz * nz
-                out[m, k, g + 1] = ux * ex + uy * ey + uz * ez
-                out[m, k, g + 2] = theta if distance > 0 else _ZERO
-                g += 3
-            out[m, k, g] = _ONE
+    k_count, offset = num_neighbors, max(0, num_position - 4)
+    angles = num_position  # where alpha stands
+    num_columns = num_position + 3 * spf + 1
+
+    @compiled_fast
+    def describe(
+        xyz: Floats, normals: Floats, neighbors: Indices, start: int, stop: int, out: Floats
+    ) -> None:
+        """Position encoding and SPF of each pair, and a column of ones.
+
+        Args:
+            xyz: Positions, (N, 3).
+            normals: Unit normals, (N, 3).
+            neighbors: Neighbor indices, (N, K).
+            start: First point.
+            stop: Point after the last.
+            out: Written to, (stop - start, K, columns).
+        """
+        # One point's columns as rows, so that its neighbors are worked on abreast.
+        rows = np.ones((num_columns, k_count), np.float32)
+        p, q = np.empty((3, k_count), np.float32), np.empty((3, k_count), np.float32)
+        for n in range(start, stop):
+            x, y, z = xyz[n, 0], xyz[n, 1], xyz[n, 2]
+            ux, uy, uz = normals[n, 0], normals[n, 1], normals[n, 2]
+            for k in range(k_count):
+                j = neighbors[n, k]
+                p[0, k], p[1, k], p[2, k] = xyz[j, 0], xyz[j, 1], xyz[j, 2]
+                q[0, k], q[1, k], q[2, k] = normals[j, 0], normals[j, 1], normals[j, 2]
+            for k in range(k_count):
+                dx, dy, dz = p[0, k] - x, p[1, k] - y, p[2, k] - z
+                distance = np.float32(math.sqrt(dx * dx + dy * dy + dz * dz))
+                if num_position == 10:
+                    rows[0, k], rows[1, k], rows[2, k] = x, y, z
+                    rows[3, k], rows[4, k], rows[5, k] = p[0, k], p[1, k], p[2, k]
+                if num_position:
+                    rows[offset, k], rows[offset + 1, k], rows[offset + 2, k] = -dx, -dy, -dz
+                    rows[offset + 3, k] = distance
+                if spf:
+                    nx, ny, nz = q[0, k], q[1, k], q[2, k]
+                    inverse = _ONE / max(distance, _TINY)
+                    ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
+                    vx, vy, vz = uy * ez - uz * ey, uz * ex - ux * ez, ux * ey - uy * ex
+                    wx, wy, wz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                    theta = _atan2(wx * nx + wy * ny + wz * nz, ux * nx + uy * ny + uz * nz)
+                    rows[angles, k] = vx * nx + vy * ny + vz * nz
+                    rows[angles + 1, k] = ux * ex + uy * ey + uz * ez
+                    rows[angles + 2, k] = theta if distance > 0 else _ZERO
+            for k in range(k_count):
+                for g in range(num_columns):
+                    out[n - start, k, g] = rows[g, k]
+
+    return describe
 
 
 @compiled_fast

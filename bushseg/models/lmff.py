@@ -65,11 +65,11 @@ def describe_fast(level: Level, config: NetworkConfig) -> Tensor:
     columns = torch.empty(*level.neighbors.shape, num_columns)
     written = columns.numpy()
     xyz, normals = level.xyz.numpy(), level.normals.numpy()
-    neighbors, spf = level.neighbors.numpy(), config.spf
+    neighbors = level.neighbors.numpy()
+    kernel = kernels.describe_kernel(neighbors.shape[1], num_position, config.spf)
 
     def call(start: int, stop: int) -> None:
-        out = written[start:stop]
-        kernels.describe(xyz, normals, neighbors, start, stop, num_position, spf, out)
+        kernel(xyz, normals, neighbors, start, stop, written[start:stop])
 
     run_chunks(call, len(xyz), 4096)
     return columns

@@ -23,8 +23,9 @@ from torch import Tensor
 from bushseg.models import kernels
 from bushseg.parallel import for_chunks, num_workers
 
-_CHUNK_FLOATS = 350_000
-"""What a chunk's arrays over pairs hold, about: a core's second-level cache."""
+_CHUNK_FLOATS = 1_000_000
+"""What a chunk's arrays over pairs hold, about: near what a core's second-level cache does.
+Measured in benchmarks/RESULTS.md."""
 
 
 @contextmanager

@@ -1,3 +1,4 @@
+import copy
 import itertools
 from dataclasses import replace
 
@@ -132,3 +133,16 @@ def test_a_single_survivor_can_be_trained_on(batch_of, network_of, small):
     network(batch).square().mean().backward()
     assert all(parameter.grad.isfinite().all() for parameter in network.parameters())
     assert torch.equal(network.bottleneck.norm.running_var, before)
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("training", [False, True])
+def test_cuda_equals_the_cpu(batch_of, network_of, small, training):
+    """The same code: on CUDA the plain path in PyTorch, on the CPU the compiled one."""
+    if not torch.cuda.is_available():
+        pytest.skip("no CUDA here")
+    device = torch.device("cuda")
+    network, batch = network_of(small(dropout=0)).train(training), batch_of(3000, k=16)
+    moved = copy.deepcopy(network).to(device)
+    found, expected = moved(batch.to(device)).cpu(), network(batch)
+    torch.testing.assert_close(found, expected, atol=1e-3, rtol=1e-3)

@@ -168,6 +168,7 @@ class Trainer:
         with atomic_path(self.folder / SETTINGS) as partial:
             partial.write_text(self.config.to_toml(), encoding="utf-8")
         num_points, seconds, stopped = 0, 0.0, False
+        first, started = self.state.epoch, time.monotonic()
         self._drawn_at = time.monotonic()
         while self.state.epoch < settings.epochs and not stopped:
             begun = time.perf_counter()
@@ -177,6 +178,10 @@ class Trainer:
                 self._save_last()
             else:
                 self._finish_epoch(points / max(time.perf_counter() - begun, 1e-9))
+                done, left = self.state.epoch - first, settings.epochs - self.state.epoch
+                seconds_left = (time.monotonic() - started) * left / done
+                row = self.state.history[-1]
+                self.progress.note(summarize(row, settings.epochs, seconds_left))
         if self._undrawn:
             self._draw_curves()
         return TrainResult(

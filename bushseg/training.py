@@ -258,7 +258,6 @@ class Trainer:
         self._undrawn = True
         if time.monotonic() - self._drawn_at >= _CURVES_SECONDS:
             self._draw_curves()
-        self.progress.note(summarize(state.history[-1], self.config.train.epochs))
 
     def _draw_curves(self) -> None:
         plot_curves(self.state.history, self.folder / CURVES)

@@ -11,9 +11,13 @@ The neighborhoods are those the network uses, so no second search is made.
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
+from bushseg.parallel import for_chunks
+
 UP = np.array([0.0, 0.0, 1.0], dtype=np.float32)
 
-_CHUNK = 16_384  # neighborhoods whose intermediate arrays stay in cache
+_CHUNK = 8192  # neighborhoods a thread takes at a time
+_LINE = 1e-12  # a cross product this short, of unit trace, has no direction
 
 
 def estimate_normals(
@@ -33,88 +37,122 @@ def estimate_normals(
         line, one without extent (a lone point, duplicates) the upward normal.
     """
     normals = np.empty_like(xyz)
-    for start in range(0, len(xyz), _CHUNK):
-        rows = slice(start, start + _CHUNK)
+    # Upwards is towards a sensor at infinity: the direction is then the same from everywhere.
+    towards = np.array([0.0, 0.0, 1.0]) if sensor is None else np.asarray(sensor, dtype=np.float64)
+
+    def estimate(start: int, stop: int) -> None:
+        _estimate(xyz, neighbors, towards, sensor is not None, normals, start, stop)
+
+    for_chunks(estimate, len(xyz), _CHUNK)
+    return normals
+
+
+@compiled
+def _estimate(
+    xyz: NDArray[np.float32],
+    neighbors: NDArray[np.int32],
+    towards: NDArray[np.float64],
+    is_place: bool,
+    normals: NDArray[np.float32],
+    start: int,
+    stop: int,
+) -> None:
+    """Normals of points start to stop, oriented to a place or in a direction."""
+    k = neighbors.shape[1]
+    x, y, z = np.empty(k), np.empty(k), np.empty(k)
+    for i in range(start, stop):
         # Relative to the point itself: products of large coordinates would drown the differences.
-        offsets = (xyz[neighbors[rows]] - xyz[rows, None]).astype(np.float64)
-        normals[rows] = smallest_eigenvectors(covariances(offsets))
-    return orient(xyz, normals, sensor)
+        for j in range(k):
+            other = np.uint32(neighbors[i, j])
+            x[j] = np.float64(xyz[other, 0] - xyz[i, 0])
+            y[j] = np.float64(xyz[other, 1] - xyz[i, 1])
+            z[j] = np.float64(xyz[other, 2] - xyz[i, 2])
+        a, b, c = smallest_eigenvector(*covariance(x, y, z))
+        if is_place:
+            up = a * (towards[0] - xyz[i, 0]) + b * (towards[1] - xyz[i, 1])
+            up += c * (towards[2] - xyz[i, 2])
+        else:
+            up = a * towards[0] + b * towards[1] + c * towards[2]
+        sign = -1.0 if up < 0 else 1.0
+        normals[i, 0], normals[i, 1], normals[i, 2] = sign * a, sign * b, sign * c
 
 
-def covariances(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of each neighborhood as (xx, yy, zz, xy, xz, yz): (N, K, 3) -> (6, N)."""
-    x, y, z = (np.ascontiguousarray(offsets[..., axis]) for axis in range(3))
-    for column in (x, y, z):
-        column -= column.mean(axis=1, keepdims=True)
-    pairs = ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))
-    return np.stack([np.einsum("nk,nk->n", a, b) for a, b in pairs]) / offsets.shape[1]
+@compiled
+def covariance(
+    x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64]
+) -> tuple[float, float, float, float, float, float]:
+    """Covariance of K positions, each (K,): xx, yy, zz, xy, xz, yz. The positions are centered."""
+    k = len(x)
+    mean_x = mean_y = mean_z = 0.0
+    for j in range(k):
+        mean_x, mean_y, mean_z = mean_x + x[j], mean_y + y[j], mean_z + z[j]
+    mean_x, mean_y, mean_z = mean_x / k, mean_y / k, mean_z / k
+    xx = yy = zz = xy = xz = yz = 0.0
+    for j in range(k):
+        dx, dy, dz = x[j] - mean_x, y[j] - mean_y, z[j] - mean_z
+        xx, yy, zz = xx + dx * dx, yy + dy * dy, zz + dz * dz
+        xy, xz, yz = xy + dx * dy, xz + dx * dz, yz + dy * dz
+    return xx / k, yy / k, zz / k, xy / k, xz / k, yz / k
 
 
-def smallest_eigenvectors(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit eigenvector of the smallest eigenvalue of symmetric 3 x 3 matrices.
+@compiled
+def smallest_eigenvector(
+    xx: float, yy: float, zz: float, xy: float, xz: float, yz: float
+) -> tuple[float, float, float]:
+    """Unit eigenvector of the smallest eigenvalue of a symmetric 3 x 3 matrix, either sign.
 
     The eigenvalue in closed form (Smith, "Eigenvalues of a symmetric 3 x 3 matrix", 1961); the
     eigenvector is perpendicular to the rows of A - lambda I, so it is the longest of their cross
-    products. Several times as fast as LAPACK, matrix by matrix.
-
-    Args:
-        covariance: (xx, yy, zz, xy, xz, yz), shape (6, N), float64.
-
-    Returns:
-        Shape (N, 3), float64, either sign; `UP` where the matrix has no extent in any direction.
+    products. `UP` where the matrix has no extent in any direction.
     """
+    trace = xx + yy + zz
+    if not trace > 0:
+        return 0.0, 0.0, 1.0
     # Scaled to unit trace, so that thresholds mean the same for every neighborhood.
-    trace = covariance[:3].sum(axis=0)
-    flat = ~(trace > 0)
-    xx, yy, zz, xy, xz, yz = covariance / np.where(flat, 1, trace)
+    xx, yy, zz, xy, xz, yz = xx / trace, yy / trace, zz / trace, xy / trace, xz / trace, yz / trace
     mean = (xx + yy + zz) / 3
-    spread = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2
-    p = np.sqrt((spread + 2 * (xy**2 + xz**2 + yz**2)) / 6)
     a, b, c = xx - mean, yy - mean, zz - mean
-    determinant = a * (b * c - yz**2) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-    cosine = determinant / np.maximum(2 * p**3, 1e-300)
-    angle = np.arccos(np.clip(cosine, -1, 1)) / 3
-    smallest = mean + 2 * p * np.cos(angle + 2 * np.pi / 3)
-    rows = np.stack(
-        [
-            np.stack([xx - smallest, xy, xz], axis=1),
-            np.stack([xy, yy - smallest, yz], axis=1),
-            np.stack([xz, yz, zz - smallest], axis=1),
-        ]
-    )
-    crosses = np.stack([np.cross(rows[i], rows[j]) for i, j in ((0, 1), (0, 2), (1, 2))])
-    lengths = np.linalg.norm(crosses, axis=2)
-    best = lengths.argmax(axis=0)
-    each = np.arange(len(best))
-    vector, length = crosses[best, each], lengths[best, each]
-    # On a line two eigenvalues vanish and so do the cross products: any vector across the line.
-    line = length < 1e-12
-    if line.any():
-        vector[line] = _across(rows[:, line])
-        length[line] = np.linalg.norm(vector[line], axis=1)
-    vector[flat], length[flat] = UP, 1
-    return vector / np.maximum(length, 1e-300)[:, None]
+    p = np.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
+    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    cosine = min(max(determinant / max(2 * p * p * p, 1e-300), -1.0), 1.0)
+    smallest = mean + 2 * p * np.cos(np.arccos(cosine) / 3 + 2 * np.pi / 3)
+    a, b, c = xx - smallest, yy - smallest, zz - smallest  # the rows are a xy xz, xy b yz, xz yz c
+    best = _cross(a, xy, xz, xy, b, yz)
+    for other in (_cross(a, xy, xz, xz, yz, c), _cross(xy, b, yz, xz, yz, c)):
+        if other[3] > best[3]:
+            best = other
+    if best[3] < _LINE * _LINE:
+        best = _across(a, b, c, xy, xz, yz)
+    length = np.sqrt(best[3])
+    return best[0] / length, best[1] / length, best[2] / length
 
 
-def orient(
-    xyz: NDArray[np.float32],
-    normals: NDArray[np.float32],
-    sensor: NDArray[np.floating] | None,
-) -> NDArray[np.float32]:
-    """Flip normals to the sensor, or upwards where there is none; shapes as above."""
-    towards = normals[:, 2] if sensor is None else np.einsum("ij,ij->i", normals, sensor - xyz)
-    return np.where((towards < 0)[:, None], -normals, normals)
+@compiled
+def _cross(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float
+) -> tuple[float, float, float, float]:
+    """A cross product and its squared length."""
+    x, y, z = y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1
+    return x, y, z, x * x + y * y + z * z
 
 
-def _across(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A vector across the line that rank-one matrices span: (3, N, 3) -> (N, 3), any length."""
-    lengths = np.linalg.norm(rows, axis=2)
-    along = rows[lengths.argmax(axis=0), np.arange(rows.shape[1])]
-    # The up direction where the line allows it, else x.
-    steep = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
-    helper = np.where(steep[:, None], np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))
-    side = np.cross(along, helper)
-    across: NDArray[np.float64] = np.where(
-        lengths.max(axis=0)[:, None] > 0, np.cross(side, along), UP
-    )
-    return across
+@compiled
+def _across(
+    a: float, b: float, c: float, xy: float, xz: float, yz: float
+) -> tuple[float, float, float, float]:
+    """A vector across the line that a rank-one matrix spans, and its squared length.
+
+    On a line two eigenvalues vanish and so do the cross products: any vector across will do. It is
+    the one closest to upwards where the line allows it, else to x.
+    """
+    x, y, z = a, xy, xz
+    if b > max(a, c):  # the longest row is that of the largest diagonal
+        x, y, z = xy, b, yz
+    elif c > max(a, b):
+        x, y, z = xz, yz, c
+    if z * z > 0.81 * (x * x + y * y + z * z):
+        side = _cross(x, y, z, 1.0, 0.0, 0.0)
+    else:
+        side = _cross(x, y, z, 0.0, 0.0, 1.0)
+    across = _cross(side[0], side[1], side[2], x, y, z)
+    return across if across[3] > 0 else (0.0, 0.0, 1.0, 1.0)

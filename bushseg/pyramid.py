@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
 from bushseg.config import Sampling
 from bushseg.grid import BLOCK_BITS
 from bushseg.neighbors import NeighborIndex
@@ -69,6 +70,46 @@ def build_pyramid(
         index = NeighborIndex(points[kept])
         neighbors.append(around)
         decimated.append(kept)
-        interpolated.append(index.query(points, 1)[:, 0])
+        interpolated.append(_nearest_survivors(points, around, kept, index))
         keys = keys[kept]
     return Pyramid(tuple(neighbors), tuple(decimated), tuple(interpolated))
+
+
+def _nearest_survivors(
+    points: NDArray[np.float32],
+    neighbors: NDArray[np.int32],
+    kept: NDArray[np.int32],
+    survivors: NeighborIndex,
+) -> NDArray[np.int32]:
+    """Each point's nearest survivor: nearly always one of its neighbors, else sought for.
+
+    Args:
+        points: The level's positions, shape (N, 3), float32.
+        neighbors: Their neighbors, nearest first, shape (N, K), int32.
+        kept: The survivors, shape (M,), int32.
+        survivors: The survivors, to be searched.
+
+    Returns:
+        Indices into the survivors, shape (N,), int32.
+    """
+    places = np.full(len(points), -1, dtype=np.int32)
+    places[kept] = np.arange(len(kept), dtype=np.int32)
+    nearest = np.empty(len(points), dtype=np.int32)
+    _first_survivors(neighbors, places, nearest)
+    missed = np.flatnonzero(nearest < 0)
+    nearest[missed] = survivors.query(points[missed], 1)[:, 0]
+    return nearest
+
+
+@compiled
+def _first_survivors(
+    neighbors: NDArray[np.int32], places: NDArray[np.int32], nearest: NDArray[np.int32]
+) -> None:
+    """The first neighbor that has a place among the survivors; -1 where none has."""
+    for i in range(len(neighbors)):
+        nearest[i] = -1
+        for j in range(neighbors.shape[1]):
+            place = places[neighbors[i, j]]
+            if place >= 0:
+                nearest[i] = place
+                break

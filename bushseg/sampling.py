@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.config import Sampling
+from bushseg.decimation import decimate_mrs
 
 _BLOCK = 512
-_ROUNDS = 4
-_TAKEN = 1e6  # above any zeta, yet z / (1 + z) stays below 1
 
 
 def raise_by_distance(
@@ -124,48 +123,17 @@ def decimate(
         cells: Cell of each point, ascending, shape (N,), int64.
         decimation: One in this many survives; at least one does.
         xyz: Positions, shape (N, 3), float32.
-        neighbors: Neighbor indices, shape (N, K), int32.
+        neighbors: Neighbor indices, nearest first, shape (N, K), int32; where there are fewer than
+            K points, each row names all and then repeats itself.
         sampling: "mrs" or "random".
 
     Returns:
         Indices of the survivors, ascending (Morton order is kept), shape (M,), int32.
     """
     if sampling == "random":
-        kept = np.flatnonzero(zeta < 1 / decimation)
+        kept = np.flatnonzero(zeta < 1 / decimation).astype(np.int32)
     else:
-        kept = _decimate_mrs(zeta, cells, decimation, xyz, neighbors)
+        kept = decimate_mrs(zeta, cells, decimation, xyz, neighbors)
     if not len(kept):
-        kept = np.array([zeta.argmin()])
-    return kept.astype(np.int32)
-
-
-def _decimate_mrs(
-    zeta: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    decimation: int,
-    xyz: NDArray[np.float32],
-    neighbors: NDArray[np.int32],
-) -> NDArray[np.intp]:
-    """MRS by rounds and cells; arguments and result as in :func:`decimate`."""
-    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
-    sizes = np.diff(starts, append=len(cells))
-    number = np.repeat(np.arange(len(starts)), sizes)
-    # The first point's zeta decides what survives, too; its square root's digits are others.
-    quotas = np.floor(sizes / decimation + np.sqrt(zeta[starts]) * 1e3 % 1).astype(np.int64)
-    current: NDArray[np.float64] = zeta.copy()
-    chosen = np.zeros(len(zeta), dtype=bool)
-    for last in range(1, _ROUNDS + 1):
-        quota = quotas * last // _ROUNDS - quotas * (last - 1) // _ROUNDS
-        # One sort finds the smallest of every cell: z / (1 + z) lies in [0, 1) and keeps order.
-        order = np.argsort(number + current / (1 + current))
-        rank = np.arange(len(order)) - starts[number]
-        picked = order[rank < quota[number]]
-        chosen[picked] = True
-        if last == _ROUNDS:
-            break
-        around = neighbors[picked]
-        distances = np.linalg.norm(xyz[around] - xyz[picked, None], axis=2)
-        raised = raise_by_distance(distances)
-        current += np.bincount(around.ravel(), raised.ravel(), minlength=len(current))
-        current[picked] = _TAKEN
-    return np.flatnonzero(chosen)
+        kept = np.array([zeta.argmin()], dtype=np.int32)
+    return kept

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bushseg.neighbors import NeighborIndex
-from bushseg.normals import UP, covariances, estimate_normals, orient, smallest_eigenvectors
+from bushseg.normals import UP, covariance, estimate_normals, smallest_eigenvector
 
 
 def normals_of(xyz: np.ndarray, k: int = 10, sensor: np.ndarray | None = None) -> np.ndarray:
@@ -14,9 +14,7 @@ def normals_of(xyz: np.ndarray, k: int = 10, sensor: np.ndarray | None = None) -
     return estimate_normals(points, NeighborIndex(points).query(points, k), sensor)
 
 
-def matrices(covariance: np.ndarray) -> np.ndarray:
-    """(6, N) to (N, 3, 3)."""
-    return covariance[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]].transpose(2, 0, 1)
+ENTRIES = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]  # xx yy zz xy xz yz
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0.6, 0, 0.8), (-0.48, 0.64, 0.6), (1, 0, 1e-3)])
@@ -38,11 +36,16 @@ def test_normals_point_to_the_sensor() -> None:
 
 
 def test_orienting_flips_only_what_points_away() -> None:
-    normals = np.array([[0, 0, -1], [0, 0.6, 0.8], [1, 0, 0]], dtype=np.float32)
-    xyz = np.zeros((3, 3), dtype=np.float32)
-    np.testing.assert_array_equal(orient(xyz, normals, None), [UP, normals[1], normals[2]])
-    sensor = np.array([-2.0, 0, -1])
-    np.testing.assert_array_equal(orient(xyz, normals, sensor), [-UP, -normals[1], -normals[2]])
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(500, 3)).astype(np.float32)
+    neighbors = NeighborIndex(points).query(points, 8)
+    up = estimate_normals(points, neighbors)
+    assert (up[:, 2] >= 0).all()
+    sensor = np.array([3.0, -2, 1])
+    oriented = estimate_normals(points, neighbors, sensor)
+    towards = np.einsum("ij,ij->i", up, sensor - points)
+    np.testing.assert_array_equal(oriented, np.where((towards < 0)[:, None], -up, up))
+    assert (np.einsum("ij,ij->i", oriented, sensor - points) >= 0).all()
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, 2, 3), (-0.3, 5, 0.01)])
@@ -60,10 +63,23 @@ def test_no_extent_means_upwards(count: int) -> None:
     np.testing.assert_array_equal(normals_of(xyz), np.tile(UP, (count, 1)))
 
 
-def test_covariances_are_numpys() -> None:
-    offsets = np.random.default_rng(2).normal(size=(5, 16, 3))
-    expected = [np.cov(rows.T, bias=True) for rows in offsets.copy()]
-    np.testing.assert_allclose(matrices(covariances(offsets)), expected, atol=1e-12)
+def test_a_covariance_is_numpys() -> None:
+    for offsets in np.random.default_rng(2).normal(size=(5, 3, 16)):
+        expected = np.cov(offsets, bias=True)[ENTRIES]
+        np.testing.assert_allclose(covariance(*offsets), expected, atol=1e-12)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(4, 60), flat=st.sampled_from([1, 0.1]))
+def test_normals_are_lapacks(seed: int, count: int, flat: float) -> None:
+    points = (np.random.default_rng(seed).normal(size=(count, 3)) * [1, 1, flat]).astype(np.float32)
+    neighbors = NeighborIndex(points).query(points, 12)
+    normals = estimate_normals(points, neighbors)
+    for normal, row in zip(normals, neighbors, strict=True):
+        values, vectors = np.linalg.eigh(np.cov(points[row].astype(np.float64).T, bias=True))
+        if values[1] - values[0] > 1e-3 * values.sum():
+            upwards = vectors[:, 0] * np.where(vectors[2, 0] < 0, -1, 1)
+            np.testing.assert_allclose(normal, upwards, atol=1e-5)
 
 
 def test_the_place_of_the_cloud_does_not_matter() -> None:
@@ -85,8 +101,7 @@ def test_the_smallest_eigenvector_is_lapacks(
     rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     values = 10.0 ** (np.array(stretch) + size)
     matrix = rotation @ np.diag(values) @ rotation.T
-    rows, columns = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
-    vector = smallest_eigenvectors(matrix[rows, columns][:, None])[0]
+    vector = np.array(smallest_eigenvector(*matrix[ENTRIES]))
     assert np.linalg.norm(vector) == pytest.approx(1, abs=1e-9)
     # Where eigenvalues nearly coincide any vector between them serves: compare what it minimizes.
     smallest = np.linalg.eigh(matrix)[0][0]

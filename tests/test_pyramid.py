@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bushseg.config import Sampling
 from bushseg.grid import VoxelGrid, decode_morton
+from bushseg.neighbors import NeighborIndex
 from bushseg.pyramid import Pyramid, build_pyramid
 
 VOXEL = 0.25
@@ -56,6 +57,17 @@ def test_every_levels_indices_fit_the_level(seed: int, count: int, sampling: Sam
             distances[np.arange(size), interpolated], distances.min(axis=1), rtol=1e-5
         )
         assert interpolated[decimated].tolist() == list(range(len(decimated)))
+        xyz = xyz[decimated]
+
+
+@pytest.mark.parametrize("sampling", ["mrs", "random"])
+def test_the_nearest_survivor_is_the_one_a_search_finds(sampling: Sampling) -> None:
+    xyz, keys = scene(4, (20, 20, 2), 4_000)
+    xyz = xyz.round(1)  # so that several are equally near
+    pyramid = build(xyz, keys, sampling)
+    for decimated, interpolated in zip(pyramid.decimated, pyramid.interpolated, strict=True):
+        found = NeighborIndex(xyz[decimated]).query(xyz, 1)[:, 0]
+        np.testing.assert_array_equal(interpolated, found)
         xyz = xyz[decimated]
 
 

@@ -95,6 +95,50 @@ class Field:
         return decimate(self.zeta, self.cells, decimation, self.xyz, self.neighbors, sampling)
 
 
+def plain_mrs(field: Field, decimation: int) -> np.ndarray:
+    """The survivors, by NumPy: sorted through in each round, cell by cell."""
+    current, taken = field.zeta.copy(), np.zeros(len(field.zeta), dtype=bool)
+    members = [np.flatnonzero(field.cells == cell) for cell in np.unique(field.cells)]
+    quotas = [
+        int(len(rows) / decimation + np.sqrt(field.zeta[rows[0]]) * 1e3 % 1) for rows in members
+    ]
+    for last in range(1, 5):
+        picks: list[int] = []
+        for rows, quota in zip(members, quotas, strict=True):
+            share = quota * last // 4 - quota * (last - 1) // 4
+            rows = rows[~taken[rows]]
+            picks += np.sort(rows[np.argsort(current[rows], kind="stable")[:share]]).tolist()
+        taken[picks] = True
+        around = field.neighbors[picks]
+        distances = np.linalg.norm(field.xyz[around] - field.xyz[picks][:, None], axis=2)
+        np.add.at(current, around, raise_by_distance(distances))
+    return np.flatnonzero(taken)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 1000), count=st.integers(1, 2000), decimation=st.integers(2, 16))
+def test_mrs_takes_what_plain_rounds_take(seed: int, count: int, decimation: int) -> None:
+    field = Field(seed, count)
+    expected = plain_mrs(field, decimation)
+    kept = field.decimate("mrs", decimation)
+    assert kept.tolist() == expected.tolist() or (not len(expected) and len(kept) == 1)
+
+
+@pytest.mark.parametrize("few", [0, 10**9])
+def test_threads_change_no_survivor(few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    field = Field(2, 5_000)
+    expected = field.decimate("mrs")
+    monkeypatch.setattr("bushseg.decimation._FEW", few)
+    np.testing.assert_array_equal(field.decimate("mrs"), expected)
+
+
+def test_equal_zeta_and_points_in_one_place_keep_the_share() -> None:
+    xyz, neighbors = np.zeros((40, 3), np.float32), np.tile(np.arange(16, dtype=np.int32), (40, 1))
+    kept = decimate(np.full(40, 0.25), np.zeros(40, np.int64), 4, xyz, neighbors)
+    assert len(kept) in (10, 11)
+    assert (np.diff(kept) > 0).all()
+
+
 @settings(deadline=None, max_examples=40)
 @given(
     seed=st.integers(0, 1000),

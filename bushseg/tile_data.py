@@ -13,6 +13,11 @@ from bushseg.pyramid import Pyramid, build_pyramid
 from bushseg.scan import VoxelScan
 from bushseg.tiling import Tile, Tiling
 
+_STEPS = 1024
+"""Positions are rounded to a power of two, at most one voxel over this many: far below what a
+scanner resolves. Up to 2^24 steps from a tile's origin float32 then holds them exactly, and so all
+differences between them: which neighbor is nearer doesn't depend on the tile they are seen in."""
+
 
 class PyramidSettings(Protocol):
     """The settings a pyramid depends on; PrepareConfig has them."""
@@ -87,7 +92,8 @@ class TileData:
 def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSettings) -> TileData:
     """Cut a tile with its halo and find its normals and pyramid.
 
-    The origin is subtracted in float64, before the cast to float32. Labels are kept in the core
+    The origin is subtracted in float64, before the cast to float32, and both lie on a lattice of
+    `_STEPS` to a voxel. Labels are kept in the core
     only: each voxel teaches and is judged once, and a tile of the training area that borders on a
     held-out one never sees its labels.
 
@@ -102,9 +108,11 @@ def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSetti
     """
     voxels = scan.voxels
     indices, is_core = tiling.members(tile)
-    positions = voxels.xyz[indices]
-    origin = positions.mean(axis=0)
-    xyz = (positions - origin).astype(np.float32)
+    step = 2.0 ** np.floor(np.log2(voxels.grid.voxel_size / _STEPS))
+    positions = np.rint(voxels.xyz[indices] / step)
+    middle = np.rint(positions.mean(axis=0))
+    origin = middle * step
+    xyz = ((positions - middle) * step).astype(np.float32)
     keys = voxels.keys[indices]
     pyramid = _pyramid(xyz, keys, settings)
     sensor = None if scan.sensor is None else scan.sensor - origin

@@ -130,6 +130,11 @@ class TrainConfig(Section):
     )
     validation_share: Share = Field(0.2, description="Share held out by validation=auto or tile")
     fresh_crops: bool = Field(False, description="Draw new crops each epoch, not the cached ones")
+    precision: Precision = Field(
+        "float32",
+        description="How a CPU multiplies matrices; bfloat16, and auto where the processor has "
+        "units for it, is faster and rounds the factors",
+    )
     augment: AugmentConfig = AugmentConfig()
     seed: int = Field(0, ge=0, description="Seed of weights, batches and augmentation")
 

@@ -25,6 +25,7 @@ from bushseg.files import atomic_path
 from bushseg.history import summarize, write_history
 from bushseg.loss import loss_weights, weighted_cross_entropy
 from bushseg.models.batch import Batch
+from bushseg.models.precision import multiplying_in
 from bushseg.plots import plot_curves
 from bushseg.progress import SILENT, Progress
 from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS, new_run, remove_run
@@ -218,14 +219,16 @@ class Trainer:
 
     def _step(self, batch: Batch, labels: Tensor) -> tuple[float, Tensor]:
         """One forward, backward and update."""
-        with torch.random.fork_rng():
-            torch.manual_seed(torch_seed(self.config.train.seed, self.state.epoch, self.state.step))
-            logits = self.network(batch.to(self.device))
+        settings, state = self.config.train, self.state
         labels = labels.to(self.device)
-        loss = weighted_cross_entropy(logits, labels, self.weights)
-        self.optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        self.optimizer.step()
+        with multiplying_in(settings.precision):
+            with torch.random.fork_rng():
+                torch.manual_seed(torch_seed(settings.seed, state.epoch, state.step))
+                logits = self.network(batch.to(self.device))
+            loss = weighted_cross_entropy(logits, labels, self.weights)
+            self.optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            self.optimizer.step()
         return float(loss.detach()), logits.detach()
 
     def _finish_epoch(self, points_per_second: float) -> None:

@@ -8,16 +8,14 @@ With `NetworkConfig.randla()` and `sampling=random` this is RandLA-Net.
 Pure: tensors in, logits out. Neighbors, decimation and interpolation come in with the batch.
 """
 
-import torch
 from torch import Tensor, nn
 
 from bushseg.config import NetworkConfig
-from bushseg.models import kernels
 from bushseg.models.batch import Batch, Level
 from bushseg.models.kernels import SLOPE
 from bushseg.models.layers import SharedMLP, gather, in_chunks
 from bushseg.models.lmff import FusionBlock, Geometry
-from bushseg.models.pooling import run_chunks
+from bushseg.models.survivors import pool_survivors
 
 
 class EncoderLayer(nn.Module):
@@ -146,21 +144,6 @@ class BushNet(nn.Module):
         assert isinstance(second, SharedMLP)
         widen, narrow = first.step(), second.step()
         return in_chunks(lambda rows: linear(dropout(narrow(widen(rows)))), self.num_classes, x)
-
-
-def pool_survivors(x: Tensor, level: Level) -> Tensor:
-    """Max over each survivor's neighborhood: (N, C) -> (M, C)."""
-    around = level.neighbors.index_select(0, level.decimated)  # (M, K)
-    if x.requires_grad or x.device.type != "cpu" or x.dtype != torch.float32:
-        return gather(x, around).amax(dim=1)
-    pooled = torch.empty(len(around), x.shape[1])
-    rows, indices, out = x.numpy(), around.numpy(), pooled.numpy()
-
-    def call(start: int, stop: int) -> None:
-        kernels.max_rows(rows, indices, start, stop, out)
-
-    run_chunks(call, len(pooled), 2048)
-    return pooled
 
 
 def count_parameters(network: nn.Module) -> dict[str, int]:

@@ -173,6 +173,32 @@ def max_rows(x: Floats, neighbors: Indices, start: int, stop: int, out: Floats) 
                 out[m, c] = max(out[m, c], x[j, c])
 
 
+@compiled_fast
+def max_rows_backward(
+    x: Floats, neighbors: Indices, pooled: Floats, d_pooled: Floats, d_x: Floats
+) -> None:
+    """Gradients of `max_rows` for all rows: to the first neighbor that holds the greatest value.
+
+    Args:
+        x: (N, C).
+        neighbors: (M, K).
+        pooled: What `max_rows` gave, (M, C).
+        d_pooled: (M, C).
+        d_x: Added to, (N, C).
+    """
+    width = x.shape[1]
+    left = np.empty(width, np.float32)
+    for m in range(len(pooled)):
+        for c in range(width):
+            left[c] = d_pooled[m, c]
+        for k in range(neighbors.shape[1]):
+            j = neighbors[m, k]
+            for c in range(width):
+                share = left[c] if x[j, c] == pooled[m, c] else _ZERO
+                d_x[j, c] += share
+                left[c] -= share
+
+
 class PairKernels(NamedTuple):
     """The loops that are compiled for one K and G, so that those over neighbors are unrolled.
 

@@ -108,14 +108,13 @@ class _AttentivePool(torch.autograd.Function):
                 )
 
         run_chunks(call, num_rows, share)
-        d_x, d_mapped, d_lift, d_lifted_score = (
-            torch.stack(parts).sum(dim=0) if len(parts) > 1 else parts[0]
-            for parts in zip(*((s.x, s.mapped, s.lift, s.score) for s in sums), strict=True)
-        )
+        total, *others = sums
+        for other in others:
+            total += other
         width = x.shape[1]
-        d_x += d_mapped @ score[:, :width]
-        d_score = torch.cat([d_mapped.T @ x, d_lifted_score], dim=1)
-        return d_x, None, None, d_lift, d_score
+        d_x = total.x.addmm_(total.mapped, score[:, :width])
+        d_score = torch.cat([total.mapped.T @ x, total.score], dim=1)
+        return d_x, None, None, total.lift, d_score
 
 
 class _Sums:
@@ -127,6 +126,11 @@ class _Sums:
         self.mapped = torch.zeros(len(x), len(score))
         self.lift = torch.zeros(lift.shape)
         self.score = torch.zeros(len(score), len(score) - width)
+
+    def __iadd__(self, other: "_Sums") -> "_Sums":
+        for name, mine in vars(self).items():
+            mine += getattr(other, name)
+        return self
 
 
 class _Work:

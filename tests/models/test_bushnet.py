@@ -8,7 +8,7 @@ import torch
 from bushseg.config import NetworkConfig
 from bushseg.models.attention import ATTENTION
 from bushseg.models.batch import Batch
-from bushseg.models.bushnet import BushNet, DecoderLayer, count_parameters, pool_survivors
+from bushseg.models.bushnet import BushNet, DecoderLayer, count_parameters
 from bushseg.models.layers import gather
 
 NUM_CLASSES = 5
@@ -111,14 +111,6 @@ def test_decoder_layer_equals_concatenation_then_the_mlp():
     interpolated = torch.randint(0, 7, (20,))
     plain = layer.mlp(torch.cat([skip, gather(coarse, interpolated)], dim=1))
     torch.testing.assert_close(layer(coarse, skip, interpolated), plain)
-
-
-def test_survivors_take_the_maximum_of_their_neighborhood(batch_of):
-    level = batch_of(100).levels[0]
-    x = torch.randn(100, 4)
-    found = pool_survivors(x, level)
-    for row, survivor in zip(found, level.decimated.tolist(), strict=True):
-        torch.testing.assert_close(row, x[level.neighbors[survivor]].max(dim=0).values)
 
 
 def test_levels_must_match_the_layers(batch_of, network_of, small):

@@ -143,7 +143,7 @@ class PredictConfig(Section):
     """How a scan is labelled."""
 
     tile_points: int = Field(
-        400_000, ge=1_000, le=20_000_000, description="A tile's core holds at most so many voxels"
+        500_000, ge=1_000, le=20_000_000, description="A tile's core holds at most so many voxels"
     )
     halo: int | None = Field(
         None, ge=0, le=512, description="Context around a tile, voxels; None: as the model's data"

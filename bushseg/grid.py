@@ -10,7 +10,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bushseg.compiled import compiled
 from bushseg.errors import ConfigError
+from bushseg.parallel import for_chunks
 
 AXIS_BITS = 21
 """Bits a key gives each axis: 2,097,152 voxels, 210 km at a voxel of 0.1 m."""
@@ -22,6 +24,8 @@ so that no cut changes what survives."""
 
 OUTSIDE = -1
 """The key of a point that has no voxel: not finite, or beyond the grid's reach."""
+
+_CHUNK = 65_536  # points a thread takes at a time
 
 # A grid line through the first point would put every coordinate that is a multiple of the voxel
 # size on a border, where rounding decides. An irrational offset keeps the borders off the lattice
@@ -58,13 +62,12 @@ class VoxelGrid:
         Returns:
             Keys, shape (N,), int64; `OUTSIDE` where a point is not finite or out of reach.
         """
-        with np.errstate(invalid="ignore", over="ignore"):
-            cells = np.floor((xyz - self.origin) / self.voxel_size)
-            inside = ((cells >= 0) & (cells < 2**AXIS_BITS)).all(axis=1)
-        if inside.all():
-            return encode_morton(cells.astype(np.uint64))
-        keys = np.full(len(xyz), OUTSIDE, dtype=np.int64)
-        keys[inside] = encode_morton(cells[inside].astype(np.uint64))
+        keys, xyz = np.empty(len(xyz), dtype=np.int64), np.ascontiguousarray(xyz)
+        for_chunks(
+            lambda start, stop: _find_keys(xyz, self.origin, self.voxel_size, keys, start, stop),
+            len(xyz),
+            _CHUNK,
+        )
         return keys
 
 
@@ -77,42 +80,73 @@ def encode_morton(cells: NDArray[np.uint64]) -> NDArray[np.int64]:
     Returns:
         Keys, shape (N,), int64, never negative.
     """
-    x, y, z = (_spread(cells[:, axis]) for axis in range(3))
-    key: NDArray[np.uint64] = x | (y << np.uint64(1)) | (z << np.uint64(2))
-    return key.view(np.int64)
+    keys = np.empty(len(cells), dtype=np.int64)
+    _encode(np.ascontiguousarray(cells), keys)
+    return keys
 
 
 def decode_morton(keys: NDArray[np.int64]) -> NDArray[np.int32]:
     """Voxel indices of keys, shape (N, 3), int32: the inverse of :func:`encode_morton`."""
-    bits = keys.view(np.uint64)
-    return np.stack([_gather(bits >> np.uint64(axis)) for axis in range(3)], axis=1)
+    cells = np.empty((len(keys), 3), dtype=np.int32)
+    for_chunks(lambda start, stop: _decode(keys, cells, start, stop), len(keys), _CHUNK)
+    return cells
 
 
-# Each step halves the distance that bits still have to travel (or doubles it, going back).
-_STEPS = (
-    (32, 0x1F00000000FFFF),
-    (16, 0x1F0000FF0000FF),
-    (8, 0x100F00F00F00F00F),
-    (4, 0x10C30C30C30C30C3),
-    (2, 0x1249249249249249),
-)
+@compiled
+def _find_keys(
+    xyz: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    voxel_size: float,
+    keys: NDArray[np.int64],
+    start: int,
+    stop: int,
+) -> None:
+    """Keys of points start to stop."""
+    end = float(2**AXIS_BITS)
+    for i in range(start, stop):
+        x = np.floor((xyz[i, 0] - origin[0]) / voxel_size)
+        y = np.floor((xyz[i, 1] - origin[1]) / voxel_size)
+        z = np.floor((xyz[i, 2] - origin[2]) / voxel_size)
+        if 0 <= x < end and 0 <= y < end and 0 <= z < end:  # not so for NaN
+            keys[i] = _interleave(np.uint64(x), np.uint64(y), np.uint64(z))
+        else:
+            keys[i] = OUTSIDE
 
 
-def _spread(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Put two zero bits between the lower 21 bits of each value."""
-    spread = values.copy()
-    for shift, mask in _STEPS:
-        spread |= spread << np.uint64(shift)
-        spread &= np.uint64(mask)
-    return spread
+@compiled
+def _encode(cells: NDArray[np.uint64], keys: NDArray[np.int64]) -> None:
+    for i in range(len(cells)):
+        keys[i] = _interleave(cells[i, 0], cells[i, 1], cells[i, 2])
 
 
-def _gather(values: NDArray[np.uint64]) -> NDArray[np.int32]:
-    """Take every third bit of each value: the inverse of :func:`_spread`."""
-    masks = (*(mask for _, mask in reversed(_STEPS)), 2**AXIS_BITS - 1)
-    shifts = (0, *(shift for shift, _ in reversed(_STEPS)))
-    gathered = values.copy()
-    for shift, mask in zip(shifts, masks, strict=True):
-        gathered |= gathered >> np.uint64(shift)
-        gathered &= np.uint64(mask)
-    return gathered.astype(np.int32)
+@compiled
+def _decode(keys: NDArray[np.int64], cells: NDArray[np.int32], start: int, stop: int) -> None:
+    for i in range(start, stop):
+        for axis in range(3):
+            cells[i, axis] = _gather(np.uint64(keys[i]) >> np.uint64(axis))
+
+
+@compiled
+def _interleave(x: np.uint64, y: np.uint64, z: np.uint64) -> np.int64:
+    return np.int64(_spread(x) | _spread(y) << np.uint64(1) | _spread(z) << np.uint64(2))
+
+
+@compiled
+def _spread(bits: np.uint64) -> np.uint64:
+    """Put two zero bits between the lower 21 bits; each step halves how far they have to go."""
+    bits = (bits | bits << np.uint64(32)) & np.uint64(0x1F00000000FFFF)
+    bits = (bits | bits << np.uint64(16)) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits | bits << np.uint64(8)) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits | bits << np.uint64(4)) & np.uint64(0x10C30C30C30C30C3)
+    return (bits | bits << np.uint64(2)) & np.uint64(0x1249249249249249)
+
+
+@compiled
+def _gather(bits: np.uint64) -> np.uint64:
+    """Take every third bit: the inverse of :func:`_spread`."""
+    bits = bits & np.uint64(0x1249249249249249)
+    bits = (bits | bits >> np.uint64(2)) & np.uint64(0x10C30C30C30C30C3)
+    bits = (bits | bits >> np.uint64(4)) & np.uint64(0x100F00F00F00F00F)
+    bits = (bits | bits >> np.uint64(8)) & np.uint64(0x1F0000FF0000FF)
+    bits = (bits | bits >> np.uint64(16)) & np.uint64(0x1F00000000FFFF)
+    return (bits | bits >> np.uint64(32)) & np.uint64(2**AXIS_BITS - 1)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.key_table import KeyIndex
 from bushseg.labeler import TilePrediction
 from bushseg.subsample import Voxels
 
@@ -34,7 +35,7 @@ class Stitcher:
     """
 
     def __init__(self, voxels: Voxels, bush_index: int | None) -> None:
-        self._voxels = voxels
+        self._grid, self._index = voxels.grid, KeyIndex(voxels.keys)
         self._bush_index = bush_index
         # One row more: what a point without a voxel finds at index -1.
         size = len(voxels) + 1
@@ -56,7 +57,7 @@ class Stitcher:
         Args:
             xyz: Coordinates as the scan was read, shape (N, 3), float64.
         """
-        found = self._voxels.find(self._voxels.grid.keys(xyz))
+        found = self._index.find(self._grid.keys(xyz))
         return PointPredictions(
             labels=self._labels[found],
             confidence=self._confidence[found],

@@ -1,18 +1,22 @@
 """Grid sub-sampling of a scan that arrives in chunks.
 
-Only voxels are held, never the raw points: each chunk is reduced to per-voxel sums, and the sums of
-chunks are merged whenever they outgrow what they merge into.
+Only voxels are held, never the raw points: each point is added to its voxel's sums, which a hash
+table finds by the voxel's key.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
 from bushseg.grid import OUTSIDE, VoxelGrid
+from bushseg.key_table import KeyIndex, empty_slots, place, slot_of
+from bushseg.parallel import for_chunks
 
-_MERGE_ROWS = 4_000_000
+_CHUNK = 32_768  # voxels a thread takes at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +43,18 @@ class Voxels:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def find(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    def find(self, keys: NDArray[np.int64]) -> NDArray[np.int32]:
         """The voxel of each key: the join from raw points back to voxels.
+
+        Whoever asks more than once keeps a :class:`bushseg.key_table.KeyIndex` of the keys.
 
         Args:
             keys: Morton keys, shape (M,), int64.
 
         Returns:
-            Index into the voxels, shape (M,), int64; -1 where no voxel has that key.
+            Index into the voxels, shape (M,), int32; -1 where no voxel has that key.
         """
-        if not len(self.keys):
-            return np.full(len(keys), -1)
-        # Scans are written along the scanner's sweep: consecutive points often share a voxel.
-        starts = _run_starts(keys)
-        found = np.searchsorted(self.keys, keys[starts])
-        found[found == len(self.keys)] = 0
-        found[self.keys[found] != keys[starts]] = -1
-        return np.repeat(found, np.diff(np.append(starts, len(keys))))
+        return KeyIndex(self.keys).find(keys)
 
 
 class GridSubsampler:
@@ -71,8 +70,8 @@ class GridSubsampler:
         self.num_classes = num_classes
         self.num_outside = 0
         self._names: list[str] = []
-        self._merged: _Sums | None = None
-        self._pending: list[_Sums] = []
+        self._sums: _Sums | None = None
+        self._num_voxels = 0
 
     def add(
         self,
@@ -89,86 +88,163 @@ class GridSubsampler:
             labels: Class indices, -1 for unlabelled, shape (N,); required with `num_classes`.
         """
         keys = self.grid.keys(xyz)
-        inside = keys != OUTSIDE
-        if not inside.all():
-            self.num_outside += int(np.count_nonzero(~inside))
-            keys, xyz = keys[inside], xyz[inside]
-            values = {name: column[inside] for name, column in values.items()}
-            labels = None if labels is None else labels[inside]
-        if not len(keys):
-            return
-        # One table of all columns to be summed: position, then the attributes in sorted order.
-        names = sorted(values)
-        columns = np.column_stack([xyz - self.grid.origin, *(values[name] for name in names)])
-        votes = None
-        if self.num_classes is not None and labels is not None:
-            votes = np.zeros((len(keys), self.num_classes), dtype=np.int32)
-            known = np.flatnonzero(labels >= 0)
-            votes[known, labels[known]] = 1
-        self._names = names
-        self._pending.append(_Sums(keys, columns, np.ones(len(keys), np.int64), votes).reduced())
-        rows = sum(len(sums.keys) for sums in self._pending)
-        if rows > max(_MERGE_ROWS, len(self._merged.keys) if self._merged else 0):
-            self._merge()
+        self.num_outside += int(np.count_nonzero(keys == OUTSIDE))
+        self._names = sorted(values)
+        columns = np.empty((len(self._names), len(keys)), dtype=np.float32)
+        for column, name in zip(columns, self._names, strict=True):
+            column[:] = values[name]
+        if self.num_classes is None or labels is None:
+            labels = np.empty(0, dtype=np.int16)
+        if self._sums is None:
+            # Memory is taken as it is used: most chunks have far fewer voxels than points.
+            self._sums = _Sums.of_size(max(1, len(keys)), len(columns), self.num_classes or 0)
+        points = np.ascontiguousarray(xyz), columns, np.ascontiguousarray(labels)
+        done = 0
+        while done < len(keys):
+            self._num_voxels, done = _add_points(
+                self._sums, self._num_voxels, self.grid.origin, keys, *points, done
+            )
+            if done < len(keys):
+                self._sums = self._sums.doubled()
 
     def finish(self) -> Voxels:
         """The voxels of all points counted in so far; none at all gives zero voxels."""
-        self._merge()
-        sums = self._merged
-        if sums is None:
+        size, sums = self._num_voxels, self._sums
+        if sums is None or not size:
             empty = np.empty(0, np.int64)
             return Voxels(self.grid, empty, np.empty((0, 3)), {}, empty, None)
-        means = sums.columns / sums.counts[:, None]
-        values = {
-            name: means[:, 3 + index].astype(np.float32) for index, name in enumerate(self._names)
-        }
-        labels = None
-        if sums.votes is not None:
-            labels = sums.votes.argmax(axis=1).astype(np.int16)
-            labels[~sums.votes.any(axis=1)] = -1
-        xyz = np.ascontiguousarray(means[:, :3])
-        return Voxels(self.grid, sums.keys, xyz, values, sums.counts, labels)
+        order = np.argsort(sums.keys[:size])
+        xyz = np.empty((size, 3))
+        values = np.empty((len(self._names), size), dtype=np.float32)
+        labels = np.empty(size if self.num_classes is not None else 0, dtype=np.int16)
+        for_chunks(
+            lambda start, stop: _average(sums, order, xyz, values, labels, start, stop),
+            size,
+            _CHUNK,
+        )
+        return Voxels(
+            grid=self.grid,
+            keys=sums.keys[order],
+            xyz=xyz,
+            values=dict(zip(self._names, values, strict=True)),
+            counts=sums.counts[order],
+            labels=labels if self.num_classes is not None else None,
+        )
 
-    def _merge(self) -> None:
-        parts = ([self._merged] if self._merged else []) + self._pending
-        self._pending = []
-        if len(parts) == 1:
-            self._merged = parts[0]
-        elif parts:
-            self._merged = _Sums.concatenated(parts).reduced()
 
+class _Sums(NamedTuple):
+    """Sums of each voxel, a row a voxel, in the order in which they were met.
 
-@dataclass(frozen=True, slots=True)
-class _Sums:
-    """Sums by key; after `reduced` the keys are ascending and unique."""
+    Attributes:
+        slots: Which row a key has, see :mod:`bushseg.key_table`.
+        keys: Morton keys, shape (R,), int64; R is how many voxels there is room for.
+        counts: Points, shape (R,), int64.
+        positions: Sum of positions relative to the grid's origin, shape (R, 3), float64.
+        values: Sums of attributes, shape (R, V), float64.
+        votes: Points by class, shape (R, C), int32.
+    """
 
+    slots: NDArray[np.int32]
     keys: NDArray[np.int64]
-    columns: NDArray[np.float64]
     counts: NDArray[np.int64]
-    votes: NDArray[np.int32] | None
+    positions: NDArray[np.float64]
+    values: NDArray[np.float64]
+    votes: NDArray[np.int32]
 
-    @staticmethod
-    def concatenated(parts: "list[_Sums]") -> "_Sums":
-        votes = [part.votes for part in parts if part.votes is not None]
-        return _Sums(
-            np.concatenate([part.keys for part in parts]),
-            np.concatenate([part.columns for part in parts]),
-            np.concatenate([part.counts for part in parts]),
-            np.concatenate(votes) if votes else None,
+    @classmethod
+    def of_size(cls, size: int, num_values: int, num_classes: int) -> Self:
+        """Room for so many voxels, and none of them there."""
+        return cls(
+            slots=empty_slots(size),
+            keys=np.empty(size, np.int64),
+            counts=np.empty(size, np.int64),
+            positions=np.empty((size, 3)),
+            values=np.empty((size, num_values)),
+            votes=np.empty((size, num_classes), np.int32),
         )
 
-    def reduced(self) -> "_Sums":
-        order = np.argsort(self.keys, kind="stable")
-        keys = self.keys[order]
-        starts = _run_starts(keys)
-        return _Sums(
-            keys[starts],
-            np.add.reduceat(self.columns[order], starts, axis=0),
-            np.add.reduceat(self.counts[order], starts),
-            None if self.votes is None else np.add.reduceat(self.votes[order], starts, axis=0),
-        )
+    def doubled(self) -> Self:
+        """The same voxels with room for as many more."""
+        size = len(self.keys)
+        room = self.of_size(2 * size, self.values.shape[1], self.votes.shape[1])
+        place(room.slots, self.keys)
+        room.keys[:size], room.counts[:size] = self.keys, self.counts
+        room.positions[:size], room.values[:size] = self.positions, self.values
+        room.votes[:size] = self.votes
+        return room
 
 
-def _run_starts(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where each run of equal keys begins."""
-    return np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)])
+@compiled
+def _add_points(
+    sums: _Sums,
+    num_voxels: int,
+    origin: NDArray[np.float64],
+    keys: NDArray[np.int64],
+    xyz: NDArray[np.float64],
+    values: NDArray[np.float32],
+    labels: NDArray[np.int16],
+    start: int,
+) -> tuple[int, int]:
+    """Add points from `start` on, until there is no room for a new voxel.
+
+    Args:
+        sums: What is added to.
+        num_voxels: Rows of it that are taken.
+        origin: The grid's, shape (3,), float64.
+        keys: Each point's voxel, shape (N,), int64; negative for none.
+        xyz: Coordinates, shape (N, 3), float64.
+        values: Attributes, shape (V, N), float32.
+        labels: Class indices, shape (N,) or, without labels, (0,), int16.
+        start: First point.
+
+    Returns:
+        Voxels there are now, and the first point that wasn't added.
+    """
+    last, row = np.int64(-1), 0
+    for i in range(start, len(keys)):
+        key = keys[i]
+        if key < 0:
+            continue
+        if key != last:  # points that follow each other in a scan often share a voxel
+            slot = slot_of(sums.slots, sums.keys, key)
+            row = sums.slots[slot]
+            if row < 0:
+                if num_voxels == len(sums.keys):
+                    return num_voxels, i
+                row, num_voxels = num_voxels, num_voxels + 1
+                sums.slots[slot], sums.keys[row], sums.counts[row] = row, key, 0
+                sums.positions[row], sums.values[row], sums.votes[row] = 0, 0, 0
+            last = key
+        sums.counts[row] += 1
+        for axis in range(3):
+            sums.positions[row, axis] += xyz[i, axis] - origin[axis]
+        for index in range(len(values)):
+            sums.values[row, index] += values[index, i]
+        if len(labels) and labels[i] >= 0:
+            sums.votes[row, labels[i]] += 1
+    return num_voxels, len(keys)
+
+
+@compiled
+def _average(
+    sums: _Sums,
+    order: NDArray[np.int64],
+    xyz: NDArray[np.float64],
+    values: NDArray[np.float32],
+    labels: NDArray[np.int16],
+    start: int,
+    stop: int,
+) -> None:
+    """Write means and majorities of voxels start to stop; the i-th voxel is row order[i]."""
+    for i in range(start, stop):
+        row = order[i]
+        count = sums.counts[row]
+        for axis in range(3):
+            xyz[i, axis] = sums.positions[row, axis] / count
+        for index in range(len(values)):
+            values[index, i] = sums.values[row, index] / count
+        if len(labels):
+            labels[i], most = -1, 0
+            for label in range(sums.votes.shape[1]):
+                if sums.votes[row, label] > most:
+                    labels[i], most = label, sums.votes[row, label]

@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from bushseg.compiled import compiled
+from bushseg.parallel import for_chunks
+
 CELL = 1.0
 """Edge of a raster cell, metres; doubled until the raster is small enough."""
 
@@ -26,6 +29,7 @@ PIT_DEPTH = 2.0
 PATCH = 64.0
 """Edge of the blocks, metres, by which far-apart parts of a scan are told apart; over a window."""
 
+_CHUNK = 65_536  # points a thread takes at a time
 _MAX_CELLS = 16_000_000
 _MIN_CELLS = 65_536
 _CELLS_PER_POINT = 8  # a raster much finer than its points only repeats them
@@ -42,25 +46,25 @@ def height_above_ground(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
         Metres, shape (N,), float32.
     """
     heights = np.empty(len(xyz), dtype=np.float32)
-    for members in _patches(xyz[:, :2]):
-        heights[members] = _heights(xyz[members])
+    if len(xyz):
+        for members in _patches(xyz):
+            heights[members] = _heights(xyz[members])
     return heights
 
 
-def _patches(xy: NDArray[np.float64]) -> Iterator[slice | NDArray[np.intp]]:
+def _patches(xyz: NDArray[np.float64]) -> Iterator[slice | NDArray[np.intp]]:
     """Split a scan that leaves most of its rectangle empty into its connected parts.
 
     A stray return kilometres away would otherwise stretch the raster over nothing.
     """
-    if not len(xy):
-        return
-    if _num_cells(xy, CELL) <= _CELLS_PER_POINT * len(xy):
+    low, high = _extent(xyz)
+    if _num_cells(low, high, CELL) <= _CELLS_PER_POINT * len(xyz):
         yield slice(None)
         return
     patch = PATCH
-    while _num_cells(xy, patch) > _MAX_CELLS:
+    while _num_cells(low, high, patch) > _MAX_CELLS:
         patch *= 2
-    blocks = np.floor(xy / patch).astype(np.int64)
+    blocks = np.floor(xyz[:, :2] / patch).astype(np.int64)
     blocks -= blocks.min(axis=0)
     occupied = np.zeros(blocks.max(axis=0) + 1, dtype=bool)
     occupied[tuple(blocks.T)] = True
@@ -70,36 +74,80 @@ def _patches(xy: NDArray[np.float64]) -> Iterator[slice | NDArray[np.intp]]:
     yield from np.split(order, np.flatnonzero(np.diff(part[order])) + 1)
 
 
-def _num_cells(xy: NDArray[np.float64], cell: float) -> float:
-    """Cells of a raster over the points, at most."""
-    return float(np.prod(np.floor(np.ptp(xy, axis=0) / cell) + 2))
+def _num_cells(low: NDArray[np.float64], high: NDArray[np.float64], cell: float) -> float:
+    """Cells of a raster between two corners, at most."""
+    return float(np.prod(np.floor((high - low) / cell) + 2))
 
 
 def _heights(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
     """Heights of one connected part, as :func:`height_above_ground`."""
+    low, high = _extent(xyz)
     limit = min(_MAX_CELLS, max(_MIN_CELLS, _CELLS_PER_POINT * len(xyz)))
     cell = CELL
-    while _num_cells(xyz[:, :2], cell) > limit:
+    while _num_cells(low, high, cell) > limit:
         cell *= 2
-    positions = xyz[:, :2] / cell
-    corner = np.floor(positions.min(axis=0))
-    positions -= corner
-    raster = _ground_raster(positions, xyz[:, 2], cell)
-    # A cell's value stands at its middle; linear interpolation leaves no steps between cells.
-    ground = ndimage.map_coordinates(raster, (positions - 0.5).T, order=1, mode="nearest")
-    height: NDArray[np.float32] = (xyz[:, 2] - ground).astype(np.float32)
-    return height
+    corner = np.floor(low / cell)
+    lowest = np.full((high / cell - corner).astype(np.int64) + 1, np.inf)
+    _lower(xyz, corner, cell, lowest)
+    raster = _ground_raster(lowest, cell)
+    heights = np.empty(len(xyz), dtype=np.float32)
+    for_chunks(
+        lambda start, stop: _rise(xyz, corner, cell, raster, heights, start, stop),
+        len(xyz),
+        _CHUNK,
+    )
+    return heights
 
 
-def _ground_raster(
-    positions: NDArray[np.float64], z: NDArray[np.float64], cell: float
-) -> NDArray[np.float64]:
-    """Ground level of each cell, shape (X, Y); positions are in cells and not negative."""
-    columns = positions.astype(np.int64)
-    shape = tuple(columns.max(axis=0) + 1)
-    lowest = np.full(shape, np.inf)
-    flat = np.ravel_multi_index((columns[:, 0], columns[:, 1]), shape)
-    np.minimum.at(lowest.reshape(-1), flat, z)
+@compiled
+def _extent(xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The corners of the points' rectangle in x and y, shape (2,) each; there is a point."""
+    low, high = xyz[0, :2].copy(), xyz[0, :2].copy()
+    for i in range(len(xyz)):
+        for axis in range(2):
+            low[axis] = min(low[axis], xyz[i, axis])
+            high[axis] = max(high[axis], xyz[i, axis])
+    return low, high
+
+
+@compiled
+def _lower(
+    xyz: NDArray[np.float64], corner: NDArray[np.float64], cell: float, lowest: NDArray[np.float64]
+) -> None:
+    """Lower each cell of a raster, which begins at `corner` (in cells), to its lowest point."""
+    for i in range(len(xyz)):
+        x, y = int(xyz[i, 0] / cell - corner[0]), int(xyz[i, 1] / cell - corner[1])
+        lowest[x, y] = min(lowest[x, y], xyz[i, 2])
+
+
+@compiled
+def _rise(
+    xyz: NDArray[np.float64],
+    corner: NDArray[np.float64],
+    cell: float,
+    raster: NDArray[np.float64],
+    heights: NDArray[np.float32],
+    start: int,
+    stop: int,
+) -> None:
+    """Heights of points start to stop above the raster.
+
+    A cell's value stands at its middle; linear interpolation leaves no steps between cells.
+    """
+    rows, columns = raster.shape
+    for i in range(start, stop):
+        x = min(max(xyz[i, 0] / cell - corner[0] - 0.5, 0.0), rows - 1.0)
+        y = min(max(xyz[i, 1] / cell - corner[1] - 0.5, 0.0), columns - 1.0)
+        row, column = int(x), int(y)
+        below, right = min(row + 1, rows - 1), min(column + 1, columns - 1)
+        x, y = x - row, y - column
+        near = raster[row, column] * (1 - y) + raster[row, right] * y
+        far = raster[below, column] * (1 - y) + raster[below, right] * y
+        heights[i] = xyz[i, 2] - (near * (1 - x) + far * x)
+
+
+def _ground_raster(lowest: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """Ground level of each cell from its lowest point, infinite where it has none; (X, Y)."""
     empty = np.isinf(lowest)
     if empty.any():
         nearest = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.grid import BLOCK, decode_morton
+from bushseg.grid import BLOCK, BLOCK_BITS, decode_morton
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +40,16 @@ class Tiling:
 
     def __init__(self, keys: NDArray[np.int64], tile_points: int, halo: int) -> None:
         self.halo_blocks = -(-halo // BLOCK)
-        columns = (decode_morton(keys)[:, :2] // BLOCK).astype(np.int64)
-        packed = columns[:, 0] << 32 | columns[:, 1]
-        self._order = np.argsort(packed, kind="stable")
-        packed = packed[self._order]
-        is_start = np.ones(len(packed), dtype=bool)
-        is_start[1:] = packed[1:] != packed[:-1]
-        starts = np.flatnonzero(is_start)
+        # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
+        cubes = keys >> (3 * BLOCK_BITS)
+        starts = np.flatnonzero(np.diff(cubes, prepend=-1))
         self._bounds = np.append(starts, len(keys))
-        self._blocks = columns[self._order[starts]]
+        self._columns = decode_morton(cubes[starts])[:, :2].astype(np.int64)
+        packed = self._columns[:, 0] << 32 | self._columns[:, 1]
+        _, first, block = np.unique(packed, return_index=True, return_inverse=True)
+        self._blocks = self._columns[first]
+        self._sizes = np.zeros(len(self._blocks), dtype=np.int64)
+        np.add.at(self._sizes, block, np.diff(self._bounds))
         self.tiles = [self._tile(members) for members in self._split(tile_points)]
 
     def members(self, tile: Tile) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -61,23 +62,21 @@ class Tiling:
         low = np.array(tile.low) - self.halo_blocks
         high = np.array(tile.high) + self.halo_blocks
         chosen = np.flatnonzero(self._within(low, high))
-        core = self._within(np.array(tile.low), np.array(tile.high))
-        indices = np.concatenate(
-            [self._order[self._bounds[block] : self._bounds[block + 1]] for block in chosen]
-        )
+        core = self._within(np.array(tile.low), np.array(tile.high))[chosen]
         sizes = self._bounds[chosen + 1] - self._bounds[chosen]
-        is_core = np.repeat(core[chosen], sizes)
-        order = np.argsort(indices)
-        return indices[order], is_core[order]
+        ends = np.cumsum(sizes)
+        # Each cube's voxels count on from where they stand, not from where the cube before ended.
+        shifts = self._bounds[chosen] - (ends - sizes)
+        return np.arange(ends[-1]) + np.repeat(shifts, sizes), np.repeat(core, sizes)
 
     def _within(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which blocks lie in a rectangle, shape (B,)."""
-        x, y = self._blocks.T
+        """Which cubes stand in a rectangle of blocks, shape (cubes,)."""
+        x, y = self._columns.T
         return (x >= low[0]) & (x < high[0]) & (y >= low[1]) & (y < high[1])
 
     def _split(self, tile_points: int) -> Iterator[NDArray[np.int64]]:
         """Halve the set of blocks, longer side first, until each part is small enough."""
-        sizes = np.diff(self._bounds)
+        sizes = self._sizes
         pending = [np.arange(len(self._blocks))]
         while pending:
             members = pending.pop()
@@ -100,5 +99,5 @@ class Tiling:
     def _tile(self, members: NDArray[np.int64]) -> Tile:
         blocks = self._blocks[members]
         low, high = blocks.min(axis=0), blocks.max(axis=0) + 1
-        num_points = int(np.diff(self._bounds)[members].sum())
+        num_points = int(self._sizes[members].sum())
         return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)

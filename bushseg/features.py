@@ -75,7 +75,9 @@ def source_values(cloud: PointCloud, columns: Mapping[str, str]) -> dict[str, ND
         else:
             with np.errstate(over="ignore"):  # what float32 can't hold is infinite, so 0 too
                 single = column.astype(np.float32)
-            values[ours] = np.nan_to_num(single, posinf=0, neginf=0)
+            if column.dtype.kind == "f":
+                single[~np.isfinite(single)] = 0
+            values[ours] = single
     return values
 
 

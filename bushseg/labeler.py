@@ -12,6 +12,7 @@ from bushseg.errors import DataError
 from bushseg.inference import probabilities, tile_logits
 from bushseg.progress import SILENT, Progress
 from bushseg.scan import VoxelScan
+from bushseg.stages import Stages
 from bushseg.tile_data import cut_tile
 from bushseg.tiling import Tiling
 
@@ -36,7 +37,11 @@ class TilePrediction:
 
 
 def label_tiles(
-    model: Model, scan: VoxelScan, config: PredictConfig, progress: Progress = SILENT
+    model: Model,
+    scan: VoxelScan,
+    config: PredictConfig,
+    progress: Progress = SILENT,
+    stages: Stages | None = None,
 ) -> Iterator[TilePrediction]:
     """Label a scan tile by tile; the cores cover every voxel exactly once.
 
@@ -45,6 +50,7 @@ def label_tiles(
         scan: The scan at the model's voxel size.
         config: Tile size and halo.
         progress: Told of the voxels labelled.
+        stages: Told of the time that tiling, neighbors, normals and the network take.
 
     Yields:
         One prediction a tile.
@@ -55,16 +61,20 @@ def label_tiles(
     check_features(model, scan)
     card = model.card
     halo = card.prepare.halo if config.halo is None else config.halo
-    tiling = Tiling(scan.voxels.keys, config.tile_points, halo)
+    stages = stages or Stages()
+    with stages.timed("tiling"):
+        tiling = Tiling(scan.voxels.keys, config.tile_points, halo)
     progress.start("labelling", len(scan.voxels), "voxels")
     for tile in tiling.tiles:
-        data = cut_tile(scan, tiling, tile, card.prepare)
-        logits = tile_logits(
-            model.network, data, card.features, card.prepare.voxel_size, config.precision
-        )
+        data = cut_tile(scan, tiling, tile, card.prepare, stages)
+        with stages.timed("network"):
+            logits = tile_logits(
+                model.network, data, card.features, card.prepare.voxel_size, config.precision
+            )
+            found = probabilities(logits)
         yield TilePrediction(
             indices=data.indices[data.is_core],
-            probabilities=probabilities(logits),
+            probabilities=found,
             num_seen=len(data),
             neighbor_distance=data.neighbor_distance(),
         )

@@ -17,19 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 from bushseg import io
 from bushseg.checkpoint import Model, load_model
 from bushseg.config import PredictConfig
-from bushseg.errors import DataError, ReadError
+from bushseg.errors import DataError
 from bushseg.files import atomic_path, check_output
-from bushseg.io.base import ScanReader
+from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
+from bushseg.labeled_scan import write_labeled
 from bushseg.labeler import domain_warnings, label_tiles
-from bushseg.labels import describe_legacy_loss, fit_legacy
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.runs import find_model
 from bushseg.scan import mask_no_returns, read_voxels
-from bushseg.stitch import PointPredictions, Stitcher
-
-LAS_SUFFIXES = (".las", ".laz")
+from bushseg.stages import Stages
+from bushseg.stitch import Stitcher
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,8 @@ class PredictResult:
         num_voxels: Voxels they fell into.
         passes: Voxels that went through the network, per voxel of the scan; 1 is ideal.
         seconds: From opening the scan to the finished output.
-        stages: Seconds by stage.
+        stages: Seconds by stage: load the model, read, sub-sample, ground and features, tiling,
+            neighbors, decimation, normals, network, look up, write.
         points_per_second: Points over seconds.
         peak_memory: Largest resident size of this process so far, bytes; None where unknown.
         warnings: Where the scan lies outside what the model was trained on, and classes that the
@@ -100,25 +100,30 @@ def predict_file(
     config = config or PredictConfig()
     scan, output = Path(scan), Path(output)
     check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
-    io.check_writable(output, io.suffix_of(output))
+    suffix = io.suffix_of(output)
+    io.check_writable(output, suffix)
     begun = time.perf_counter()
-    stages = _Stages()
-    model = model if isinstance(model, Model) else load_model(find_model(model))
+    stages = Stages()
+    with stages.timed("load the model"):
+        model = model if isinstance(model, Model) else load_model(find_model(model))
     card = model.card
     card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)  # a bad mapping shows now, not later
     with io.open_scan(scan) as reader:
-        voxel_scan = read_voxels(reader, card.prepare.voxel_size, progress=progress)
-        stages.end("read and sub-sample")
-        stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
+        kept = KeptReader(reader)
+        voxel_scan = read_voxels(kept, card.prepare.voxel_size, progress=progress, stages=stages)
+        with stages.timed("look up"):
+            stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
         seen, distances = 0, []
-        for tile in label_tiles(model, voxel_scan, config, progress):
-            stitcher.add([tile])
+        for tile in label_tiles(model, voxel_scan, config, progress, stages):
+            with stages.timed("look up"):
+                stitcher.add([tile])
             seen += tile.num_seen
             distances.append((tile.neighbor_distance, len(tile.indices)))
-        stages.end("neighbors, normals and network")
-        with atomic_path(output) as partial:
-            counts, lost = _write(reader, partial, output, stitcher, model, config, progress)
-        stages.end("look up and write")
+        progress.start(f"writing {output.name}", reader.info.num_points, "points")
+        with stages.timed("write"), atomic_path(output) as partial:
+            counts, lost = write_labeled(
+                kept, partial, suffix, stitcher, card.scheme, config, progress, stages
+            )
     seconds = time.perf_counter() - begun
     num_points = int(counts.sum())
     distance = _weighted_median(distances)
@@ -188,69 +193,6 @@ def peak_memory() -> int | None:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
-def _write(
-    reader: ScanReader,
-    partial: Path,
-    output: Path,
-    stitcher: Stitcher,
-    model: Model,
-    config: PredictConfig,
-    progress: Progress,
-) -> tuple[NDArray[np.int64], str | None]:
-    """Stream the scan again into the output.
-
-    Returns:
-        Points written, unlabelled first, then per class; and a warning of classes whose codes the
-        output can't hold.
-    """
-    scheme = model.card.scheme
-    suffix = io.suffix_of(output)
-    as_las = suffix in LAS_SUFFIXES
-    counts = np.zeros(scheme.num_classes + 1, dtype=np.int64)
-    added: dict[str, np.dtype[Any]] = {
-        "class_index": np.dtype(np.uint8),
-        "confidence": np.dtype(np.float32),
-    }
-    if scheme.bush_index is not None:
-        added["bush_probability"] = np.dtype(np.float32)
-    progress.start(f"writing {output.name}", reader.info.num_points, "points")
-    with io.create(partial, suffix, reader, added) as writer:
-        for chunk in reader.chunks():
-            predicted = stitcher.at(mask_no_returns(chunk.xyz, reader))
-            codes: NDArray[Any] | None = None
-            if not as_las:
-                codes = scheme.decode(predicted.labels)
-            elif not config.keep_classification:
-                codes = scheme.to_asprs(predicted.labels, config.asprs)
-                codes = fit_legacy(codes) if writer.has_legacy_codes else codes
-            writer.write(chunk, _columns(predicted, scheme.decode_indices(predicted.labels)), codes)
-            counts += np.bincount(predicted.labels + 1, minlength=len(counts))
-            progress.advance(len(chunk))
-    if counts.sum() != reader.info.num_points:
-        raise ReadError(
-            reader.info.path,
-            f"{counts.sum():,} points on the second pass",
-            f"{reader.info.num_points:,}; leave the file alone while it is being labelled",
-        )
-    lost = None
-    if as_las and writer.has_legacy_codes and not config.keep_classification:
-        lost = describe_legacy_loss(scheme, counts[1:], config.asprs)
-    return counts, lost
-
-
-def _columns(
-    predicted: PointPredictions, class_index: NDArray[np.uint8]
-) -> dict[str, NDArray[Any]]:
-    """The columns added to an output."""
-    columns: dict[str, NDArray[Any]] = {
-        "class_index": class_index,
-        "confidence": predicted.confidence,
-    }
-    if predicted.bush_probability is not None:
-        columns["bush_probability"] = predicted.bush_probability
-    return columns
-
-
 def _cloud(points: ArrayLike, attributes: Mapping[str, NDArray[Any]]) -> PointCloud:
     xyz = np.asarray(points, dtype=np.float64)
     if xyz.ndim != 2 or xyz.shape[1] != 3 or not len(xyz):
@@ -263,17 +205,3 @@ def _weighted_median(values: list[tuple[float, int]]) -> float:
     ordered = sorted(values)
     running = np.cumsum([weight for _, weight in ordered])
     return ordered[int(np.searchsorted(running, running[-1] / 2))][0]
-
-
-class _Stages:
-    """Where the time went."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def end(self, name: str) -> None:
-        """Count the time since the last call towards a stage."""
-        now = time.perf_counter()
-        self.seconds[name] = now - self._last
-        self._last = now

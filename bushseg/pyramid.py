@@ -13,6 +13,7 @@ from bushseg.config import Sampling
 from bushseg.grid import BLOCK_BITS
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import decimate, hash_uniform
+from bushseg.stages import Stages
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,7 @@ def build_pyramid(
     decimation: int,
     sampling: Sampling,
     seed: int,
+    stages: Stages | None = None,
 ) -> Pyramid:
     """Find the indices of all levels.
 
@@ -56,21 +58,26 @@ def build_pyramid(
         decimation: About one point in this many survives; at least one does.
         sampling: How survivors are chosen.
         seed: Selects the zeta.
+        stages: Told of the time that neighbors and decimation take.
 
     Returns:
         The pyramid.
     """
     neighbors, decimated, interpolated = [], [], []
+    stages = stages or Stages()
     index = NeighborIndex(xyz)
     for level in range(num_levels):
         points = index.points
-        around = index.query(points, num_neighbors)
-        zeta = hash_uniform(keys, seed * num_levels + level)
-        kept = decimate(zeta, keys >> (3 * BLOCK_BITS), decimation, points, around, sampling)
-        index = NeighborIndex(points[kept])
+        with stages.timed("neighbors"):
+            around = index.query(points, num_neighbors)
+        with stages.timed("decimation"):
+            zeta = hash_uniform(keys, seed * num_levels + level)
+            kept = decimate(zeta, keys >> (3 * BLOCK_BITS), decimation, points, around, sampling)
+        with stages.timed("neighbors"):
+            index = NeighborIndex(points[kept])
+            interpolated.append(_nearest_survivors(points, around, kept, index))
         neighbors.append(around)
         decimated.append(kept)
-        interpolated.append(_nearest_survivors(points, around, kept, index))
         keys = keys[kept]
     return Pyramid(tuple(neighbors), tuple(decimated), tuple(interpolated))
 

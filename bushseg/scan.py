@@ -13,6 +13,7 @@ from bushseg.ground import height_above_ground
 from bushseg.io.base import ScanReader
 from bushseg.progress import SILENT, Progress
 from bushseg.scheme import ClassScheme
+from bushseg.stages import Stages
 from bushseg.subsample import GridSubsampler, Voxels
 
 
@@ -53,6 +54,7 @@ def read_voxels(
     scheme: ClassScheme | None = None,
     label_field: str | None = None,
     progress: Progress = SILENT,
+    stages: Stages | None = None,
 ) -> VoxelScan:
     """Stream a scan into voxels.
 
@@ -62,6 +64,7 @@ def read_voxels(
         scheme: How label codes become class indices; None leaves labels alone.
         label_field: Attribute that holds the codes; None takes the format's own, if it has one.
         progress: Told of the points read.
+        stages: Told of the time that reading, sub-sampling and the ground take.
 
     Returns:
         The scan's voxels. Labels are None where the scan has no label attribute.
@@ -70,14 +73,14 @@ def read_voxels(
         DataError: No point has finite coordinates, or `label_field` is no attribute of the scan.
         ReadError: The file is damaged.
     """
-    info = reader.info
+    info, stages = reader.info, stages or Stages()
     field = _label_attribute(reader, label_field) if scheme is not None else None
     columns = source_columns(info.attributes)
     progress.start(f"reading {info.path.name}", info.num_points, "points")
     subsampler: GridSubsampler | None = None
     unknown = UnknownCodes()
     num_points = num_early = 0
-    for chunk in reader.chunks():
+    for chunk in stages.each("read", reader.chunks()):
         num_points += len(chunk)
         xyz = mask_no_returns(chunk.xyz, reader)
         if subsampler is None:
@@ -92,12 +95,15 @@ def read_voxels(
             encoded = scheme.encode(chunk.attributes[field])
             unknown.add(encoded)
             labels = encoded.labels
-        subsampler.add(xyz, source_values(chunk, columns), labels)
+        with stages.timed("sub-sample"):
+            subsampler.add(xyz, source_values(chunk, columns), labels)
         progress.advance(len(chunk))
     if subsampler is None:
         raise DataError(f"{info.path}: none of its {num_points} points has finite coordinates")
-    voxels = subsampler.finish()
-    features = normalize(voxels.values, height_above_ground(voxels.xyz))
+    with stages.timed("sub-sample"):
+        voxels = subsampler.finish()
+    with stages.timed("ground and features"):
+        features = normalize(voxels.values, height_above_ground(voxels.xyz))
     sensor = None if info.sensor_position is None else info.sensor_position - voxels.grid.origin
     skipped = num_early + subsampler.num_outside
     return VoxelScan(voxels, features, sensor, num_points, skipped, unknown)

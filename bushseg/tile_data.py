@@ -7,12 +7,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
 from bushseg.config import Sampling
 from bushseg.normals import estimate_normals
+from bushseg.parallel import for_chunks
 from bushseg.pyramid import Pyramid, build_pyramid
 from bushseg.scan import VoxelScan
+from bushseg.stages import Stages
 from bushseg.tiling import Tile, Tiling
 
+_CHUNK = 65_536  # voxels a thread takes at a time
 _STEPS = 1024
 """Positions are rounded to a power of two, at most one voxel over this many: far below what a
 scanner resolves. Up to 2^24 steps from a tile's origin float32 then holds them exactly, and so all
@@ -89,52 +93,111 @@ class TileData:
         return _pyramid(self.xyz[indices], self.keys[indices], settings)
 
 
-def cut_tile(scan: VoxelScan, tiling: Tiling, tile: Tile, settings: PyramidSettings) -> TileData:
+def cut_tile(
+    scan: VoxelScan,
+    tiling: Tiling,
+    tile: Tile,
+    settings: PyramidSettings,
+    stages: Stages | None = None,
+) -> TileData:
     """Cut a tile with its halo and find its normals and pyramid.
 
     The origin is subtracted in float64, before the cast to float32, and both lie on a lattice of
-    `_STEPS` to a voxel. Labels are kept in the core
-    only: each voxel teaches and is judged once, and a tile of the training area that borders on a
-    held-out one never sees its labels.
+    `_STEPS` to a voxel. Labels are kept in the core only: each voxel teaches and is judged once,
+    and a tile of the training area that borders on a held-out one never sees its labels.
 
     Args:
         scan: The scan's voxels.
         tiling: How it is cut.
         tile: Which tile.
         settings: Neighborhood and pyramid settings.
+        stages: Told of the time that tiling, neighbors, decimation and normals take.
 
     Returns:
         The tile.
     """
-    voxels = scan.voxels
-    indices, is_core = tiling.members(tile)
-    step = 2.0 ** np.floor(np.log2(voxels.grid.voxel_size / _STEPS))
-    positions = np.rint(voxels.xyz[indices] / step)
-    middle = np.rint(positions.mean(axis=0))
-    origin = middle * step
-    xyz = ((positions - middle) * step).astype(np.float32)
-    keys = voxels.keys[indices]
-    pyramid = _pyramid(xyz, keys, settings)
-    sensor = None if scan.sensor is None else scan.sensor - origin
-    labels = np.full(len(indices), -1, dtype=np.int16)
-    if voxels.labels is not None:
-        labels[is_core] = voxels.labels[indices[is_core]]
+    voxels, stages = scan.voxels, stages or Stages()
+    with stages.timed("tiling"):
+        indices, is_core = tiling.members(tile)
+        xyz, origin = _local_positions(voxels.xyz, indices, voxels.grid.voxel_size)
+        keys = voxels.keys[indices]
+        labels = np.full(len(indices), -1, dtype=np.int16)
+        if voxels.labels is not None:
+            labels[is_core] = voxels.labels[indices[is_core]]
+        features = {name: columns[indices] for name, columns in scan.features.items()}
+        counts = voxels.counts[indices].astype(np.int32)
+    pyramid = _pyramid(xyz, keys, settings, stages)
+    with stages.timed("normals"):
+        sensor = None if scan.sensor is None else scan.sensor - origin
+        normals = estimate_normals(xyz, pyramid.neighbors[0], sensor)
     return TileData(
         origin=origin + voxels.grid.origin,
         indices=indices,
         is_core=is_core,
         keys=keys,
         xyz=xyz,
-        normals=estimate_normals(xyz, pyramid.neighbors[0], sensor),
-        features={name: columns[indices] for name, columns in scan.features.items()},
+        normals=normals,
+        features=features,
         labels=labels,
-        counts=voxels.counts[indices].astype(np.int32),
+        counts=counts,
         pyramid=pyramid,
     )
 
 
+def _local_positions(
+    xyz: NDArray[np.float64], indices: NDArray[np.int64], voxel_size: float
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Positions of some voxels on the lattice, from an origin in their middle that lies on it.
+
+    Args:
+        xyz: Positions of all voxels, metres, shape (N, 3), float64.
+        indices: Which voxels, shape (M,), int64.
+        voxel_size: Metres.
+
+    Returns:
+        Metres from the origin, shape (M, 3), float32; and the origin, shape (3,), float64.
+    """
+    step = 2.0 ** np.floor(np.log2(voxel_size / _STEPS))
+    middle = np.rint(_mean_position(xyz, indices) / step)
+    local = np.empty((len(indices), 3), dtype=np.float32)
+    for_chunks(
+        lambda start, stop: _localize(xyz, indices, step, middle, local, start, stop),
+        len(indices),
+        _CHUNK,
+    )
+    return local, middle * step
+
+
+@compiled
+def _mean_position(xyz: NDArray[np.float64], indices: NDArray[np.int64]) -> NDArray[np.float64]:
+    total = np.zeros(3)
+    for index in indices:
+        for axis in range(3):
+            total[axis] += xyz[index, axis]
+    return total / len(indices)
+
+
+@compiled
+def _localize(
+    xyz: NDArray[np.float64],
+    indices: NDArray[np.int64],
+    step: float,
+    middle: NDArray[np.float64],
+    local: NDArray[np.float32],
+    start: int,
+    stop: int,
+) -> None:
+    """Positions of voxels start to stop, in metres from `middle`, which counts steps."""
+    for i in range(start, stop):
+        for axis in range(3):
+            local[i, axis] = (np.rint(xyz[indices[i], axis] / step) - middle[axis]) * step
+
+
 def _pyramid(
-    xyz: NDArray[np.float32], keys: NDArray[np.int64], settings: PyramidSettings
+    xyz: NDArray[np.float32],
+    keys: NDArray[np.int64],
+    settings: PyramidSettings,
+    stages: Stages | None = None,
 ) -> Pyramid:
     """:func:`build_pyramid` with its settings taken from where they stand."""
     return build_pyramid(
@@ -145,4 +208,5 @@ def _pyramid(
         decimation=settings.decimation,
         sampling=settings.sampling,
         seed=settings.seed,
+        stages=stages,
     )

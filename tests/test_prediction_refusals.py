@@ -10,6 +10,7 @@ import pytest
 
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError, ReadError, SchemeError, WriteError
+from bushseg.io import kept
 from bushseg.prediction import predict_file
 
 
@@ -113,6 +114,7 @@ def test_a_scan_that_breaks_off_while_written_leaves_nothing(model, south, tmp_p
                 raise ReadError(south, "a bad sector", "a disk that works")
 
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kept, "KEPT_BYTES", 0)
         patch.setattr(LasReader, "chunks", break_off)
         with pytest.raises(ReadError, match="bad sector"):
             predict_file(south, tmp_path / f"out{suffix}", model)
@@ -142,6 +144,9 @@ def test_a_scan_that_grows_meanwhile(height_model, new_scene, tmp_path, monkeypa
             file.write("1 2 3\n")
 
     monkeypatch.setattr(prediction, "label_tiles", meddle)
+    # A scan this small is written as it was read.
+    assert predict_file(path, tmp_path / "out.ply", height_model).num_points == 300
+    monkeypatch.setattr(kept, "KEPT_BYTES", 0)
     with pytest.raises(ReadError):
-        predict_file(path, tmp_path / "out.ply", height_model)
-    assert not (tmp_path / "out.ply").exists()
+        predict_file(path, tmp_path / "again.ply", height_model)
+    assert not (tmp_path / "again.ply").exists()

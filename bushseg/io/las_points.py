@@ -16,6 +16,7 @@ from laspy.point.dims import ALL_POINT_FORMATS_DTYPE, get_sub_fields_dict
 from numpy.typing import NDArray
 
 from bushseg.errors import WriteError
+from bushseg.parallel import for_chunks
 from bushseg.points import AttributeArray, FloatArray
 
 EXTRA_BYTES_RECORD = ("LASF_Spec", 4)
@@ -29,6 +30,7 @@ _MAX_PAYLOAD = 65535
 _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 # What LAS has no type for, and the smallest that holds it.
 _WIDENED = {"b1": "u1", "f2": "f4"}
+_CHUNK = 65_536  # records a thread takes at a time
 
 Records = NDArray[np.void]
 
@@ -225,9 +227,13 @@ def scale_coordinates(
 ) -> FloatArray:
     """X, Y and Z in the file's unit, shape (N, 3), float64."""
     xyz = np.empty((len(records), 3))
-    for axis, name in enumerate("XYZ"):
-        np.multiply(records[name], scales[axis], out=xyz[:, axis])
-        xyz[:, axis] += offsets[axis]
+
+    def scale(start: int, stop: int) -> None:
+        for axis, name in enumerate("XYZ"):
+            np.multiply(records[name][start:stop], scales[axis], out=xyz[start:stop, axis])
+            xyz[start:stop, axis] += offsets[axis]
+
+    for_chunks(scale, len(records), _CHUNK)
     return xyz
 
 

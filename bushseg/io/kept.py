@@ -1,0 +1,57 @@
+"""A scan that is read twice, the second time from memory where it is small."""
+
+from collections.abc import Iterator
+
+from bushseg.io.base import CHUNK_POINTS, ScanReader
+from bushseg.points import PointCloud
+
+KEPT_BYTES = 1 << 28
+"""What a scan's chunks may take in memory; a larger scan is read again."""
+
+
+class KeptReader(ScanReader):
+    """Keeps what another reader gives, up to a limit.
+
+    Attributes:
+        source: The reader itself.
+        held: The chunks kept so far.
+
+    Args:
+        reader: The scan. It stays open; whoever opened it closes it.
+        limit: Bytes that may be kept; of a scan beyond it nothing is. None takes `KEPT_BYTES`.
+    """
+
+    def __init__(self, reader: ScanReader, limit: int | None = None) -> None:
+        self.info = reader.info
+        self.held: list[PointCloud] = []
+        self.source = reader
+        self._limit = KEPT_BYTES if limit is None else limit
+        self._is_whole = False
+
+    def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:
+        """Yield all points in the file's order; kept ones in the chunks of the first time.
+
+        Raises:
+            ReadError: As the reader's own.
+        """
+        if self._is_whole:
+            yield from self.held
+            return
+        self.held = []
+        num_bytes = 0
+        for chunk in self.source.chunks(size):
+            num_bytes += _num_bytes(chunk)
+            if num_bytes <= self._limit:
+                self.held.append(chunk)
+            else:
+                self.held = []
+            yield chunk
+        self._is_whole = num_bytes <= self._limit
+
+
+def _num_bytes(chunk: PointCloud) -> int:
+    """Bytes that a chunk's arrays take."""
+    arrays = [chunk.xyz, *chunk.attributes.values()]
+    if chunk.record is not None:
+        arrays.append(chunk.record)
+    return sum(array.nbytes for array in arrays)

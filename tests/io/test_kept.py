@@ -1,0 +1,78 @@
+"""A scan kept from its first reading: the same chunks again, and never more than may be kept."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from bushseg.io.kept import KeptReader
+from bushseg.io.memory import MemoryReader
+from bushseg.points import PointCloud
+
+CHUNK = 100  # points; 24 bytes of coordinates and 2 of intensity each
+
+
+class Counted(MemoryReader):
+    """Counts how often it is read from the start."""
+
+    readings = 0
+
+    def chunks(self, size: int = CHUNK) -> Iterator[PointCloud]:
+        self.readings += 1
+        for chunk in super().chunks(min(size, CHUNK)):
+            yield PointCloud(chunk.xyz.copy(), chunk.attributes)
+
+
+def make_reader(count: int) -> Counted:
+    xyz = np.random.default_rng(0).random((count, 3))
+    return Counted(PointCloud(xyz, {"intensity": np.arange(count, dtype=np.uint16)}))
+
+
+def equal(first: list[PointCloud], second: list[PointCloud]) -> bool:
+    return len(first) == len(second) and all(
+        np.array_equal(a.xyz, b.xyz)
+        and np.array_equal(a.attributes["intensity"], b.attributes["intensity"])
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+@pytest.mark.parametrize(("limit", "readings"), [(26 * 250, 1), (26 * 250 - 1, 2), (0, 2)])
+def test_a_small_scan_is_read_once_and_a_large_one_twice(limit: int, readings: int) -> None:
+    reader = make_reader(250)
+    kept = KeptReader(reader, limit)
+    assert kept.info is reader.info
+    first, second = list(kept.chunks()), list(kept.chunks())
+    assert reader.readings == readings
+    assert [len(chunk) for chunk in first] == [100, 100, 50]
+    assert equal(first, second)
+
+
+def test_a_scan_beyond_the_limit_is_let_go_of_as_it_is_read() -> None:
+    kept = KeptReader(make_reader(1000), limit=26 * 300)
+    chunks = kept.chunks()
+    held = [len(kept.held) for _ in chunks]
+    assert held == [1, 2, 3, 0, 0, 0, 0, 0, 0, 0]
+
+
+def test_a_reading_that_was_broken_off_is_not_kept() -> None:
+    reader = make_reader(250)
+    kept = KeptReader(reader)
+    next(kept.chunks())
+    assert sum(map(len, kept.chunks())) == 250
+    assert sum(map(len, kept.chunks())) == 250
+    assert reader.readings == 2
+
+
+def test_records_count_too() -> None:
+    class Recorded(Counted):
+        def chunks(self, size: int = CHUNK) -> Iterator[PointCloud]:
+            for chunk in super().chunks(size):
+                yield PointCloud(chunk.xyz, chunk.attributes, np.zeros(len(chunk), "V20"))
+
+    reader = Recorded(make_reader(100).read())
+    for limit, readings in ((46 * 100, 1), (46 * 100 - 1, 2)):
+        reader.readings = 0
+        kept = KeptReader(reader, limit)
+        list(kept.chunks())
+        list(kept.chunks())
+        assert reader.readings == readings

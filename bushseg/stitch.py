@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
 from bushseg.key_table import KeyIndex
 from bushseg.labeler import TilePrediction
 from bushseg.subsample import Voxels
@@ -46,8 +47,7 @@ class Stitcher:
     def add(self, predictions: Iterable[TilePrediction]) -> None:
         """Enter the predictions of some tiles."""
         for tile in predictions:
-            self._labels[tile.indices] = tile.probabilities.argmax(axis=1)
-            self._confidence[tile.indices] = tile.probabilities.max(axis=1)
+            _enter(tile.indices, tile.probabilities, self._labels, self._confidence)
             if self._bush is not None:
                 self._bush[tile.indices] = tile.probabilities[:, self._bush_index]
 
@@ -63,3 +63,19 @@ class Stitcher:
             confidence=self._confidence[found],
             bush_probability=None if self._bush is None else self._bush[found],
         )
+
+
+@compiled
+def _enter(
+    indices: NDArray[np.int64],
+    probabilities: NDArray[np.float32],
+    labels: NDArray[np.int16],
+    confidence: NDArray[np.float32],
+) -> None:
+    """Enter the likeliest class of some voxels and its probability; of equal ones the first."""
+    for i in range(len(indices)):
+        best = 0
+        for label in range(1, probabilities.shape[1]):
+            if probabilities[i, label] > probabilities[i, best]:
+                best = label
+        labels[indices[i]], confidence[indices[i]] = best, probabilities[i, best]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any, BinaryIO
 
 import lazrs
@@ -29,6 +30,7 @@ from bushseg.io.las_header import (
 from bushseg.io.las_points import PointLayout, Records
 from bushseg.io.laz import garbles_waveforms
 from bushseg.io.laz_body import LASZIP_RECORD, lazrs_errors
+from bushseg.parallel import for_chunks
 
 _MINOR_AT = 25
 _PLACES_AT = struct.Struct("<II"), 96  # point offset, number of VLRs
@@ -38,6 +40,7 @@ _SCALES_AT = struct.Struct("<6d"), 131
 _BOUNDS_AT = struct.Struct("<6d"), 179
 _MAX_LEGACY = 0xFFFFFFFF
 _COPY_BYTES = 1 << 20
+_CHUNK = 65_536  # records a thread takes at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,7 @@ class LasSink:
         self._returns = np.zeros(16, np.int64)
         self._low = np.full(3, np.iinfo(np.int64).max)
         self._high = np.full(3, np.iinfo(np.int64).min)
+        self._lock = Lock()
         self._first_flags: np.uint8 | None = None
         self._compressor: Any = None
         num_extra = layout.dtype.itemsize - RECORD_SIZES[layout.point_format]
@@ -132,11 +136,7 @@ class LasSink:
                 "split the scan or make it LAS 1.4"
             )
         self._check_channels(records)
-        mask = 0x07 if self._layout.point_format < 6 else 0x0F
-        self._returns += np.bincount(records["bit_fields"] & mask, minlength=16)
-        for axis, name in enumerate("XYZ"):
-            self._low[axis] = min(self._low[axis], records[name].min())
-            self._high[axis] = max(self._high[axis], records[name].max())
+        for_chunks(lambda start, stop: self._count(records[start:stop]), len(records), _CHUNK)
         raw = np.ascontiguousarray(records).view(np.uint8)
         with self._write_errors():
             if self._compressor is None:
@@ -177,6 +177,17 @@ class LasSink:
         self._compressor = None
         with suppress(OSError):  # a full disk, which finish() or append() has told of
             self._file.close()
+
+    def _count(self, records: Records) -> None:
+        """Take note of returns and bounds; called by several threads."""
+        mask = 0x07 if self._layout.point_format < 6 else 0x0F
+        returns = np.bincount(records["bit_fields"] & mask, minlength=16)
+        low = [records[name].min() for name in "XYZ"]
+        high = [records[name].max() for name in "XYZ"]
+        with self._lock:
+            self._returns += returns
+            np.minimum(self._low, low, out=self._low)
+            np.maximum(self._high, high, out=self._high)
 
     def _check_channels(self, records: Records) -> None:
         if self._compressor is None or self._layout.point_format < 6:

@@ -12,7 +12,10 @@ from bushseg.io.las_points import EXTRA_BYTES_RECORD, PointLayout, Records
 from bushseg.io.las_reader import LasReader
 from bushseg.io.las_sink import Evlr, LasSink, pack_vlr
 from bushseg.io.laz_body import LASZIP_RECORD
+from bushseg.parallel import for_chunks
 from bushseg.points import PointCloud
+
+_CHUNK = 65_536  # records a thread takes at a time
 
 
 class LasWriter(ScanWriter):
@@ -60,11 +63,17 @@ class LasWriter(ScanWriter):
         records = np.empty(len(chunk), self._layout.dtype)
         # The record only grows at its end.
         old = chunk.record.view(np.uint8).reshape(len(chunk), -1)
-        records.view(np.uint8).reshape(len(chunk), -1)[:, : old.shape[1]] = old
-        for name, field in self._fields.items():
-            records[field] = added[name]
-        if codes is not None:
-            set_classification(records, codes, self._layout.point_format)
+        room = records.view(np.uint8).reshape(len(chunk), -1)[:, : old.shape[1]]
+
+        def fill(start: int, stop: int) -> None:
+            rows = slice(start, stop)
+            room[rows] = old[rows]
+            for name, field in self._fields.items():
+                records[field][rows] = added[name][rows]
+            if codes is not None:
+                set_classification(records[rows], codes[rows], self._layout.point_format)
+
+        for_chunks(fill, len(chunk), _CHUNK)
         self._sink.append(records)
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.neighbors import nearest
 from bushseg.sampling import ZetaQueue, raise_by_distance
 
 OPEN_TILES = 32
@@ -125,30 +126,6 @@ class _OpenTile:
 
     points: TilePoints
     core: NDArray[np.intp]
-
-
-def nearest(
-    xyz: NDArray[np.float32], point: NDArray[np.float32], size: int
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """The points nearest to a place, by measuring all of a tile.
-
-    A crop is a tenth of a tile: a tree that hands out its points one by one takes longer.
-
-    Args:
-        xyz: Points, (N, 3), float32.
-        point: The place, (3,), float32.
-        size: How many to find, at most N.
-
-    Returns:
-        Their indices, ascending, (size,) int32, and distances, float32.
-    """
-    squares = np.zeros(len(xyz), np.float32)
-    for axis in range(3):
-        squares += np.square(xyz[:, axis] - point[axis])
-    found = np.arange(len(xyz))
-    if size < len(xyz):
-        found = np.sort(np.argpartition(squares, size - 1)[:size])
-    return found.astype(np.int32), np.sqrt(squares[found])
 
 
 def enough_crops(num_points: int, crop_points: int) -> int:

@@ -32,7 +32,8 @@ class NeighborIndex:
 
         Args:
             queries: Positions in the same frame, shape (M, 3), float32.
-            k: How many neighbors; a query that is one of the points finds itself first.
+            k: How many neighbors, some dozens at most; a query that is one of the points finds itself
+            first.
 
         Returns:
             Neighbor indices, shape (M, k), int32.
@@ -50,7 +51,7 @@ class NeighborIndex:
 def nearest(
     points: NDArray[np.float32], center: NDArray[np.float32], k: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """The k points nearest to one place, for a k that is a good part of all points.
+    """The k points nearest to one place, by measuring all of them: for a k of hundreds or more.
 
     Args:
         points: Positions, shape (N, 3), float32.

@@ -80,8 +80,7 @@ class TileData:
 
     def neighbor_distance(self) -> float:
         """Median distance to the farthest of the K neighbors, metres: the tile's density."""
-        farthest = self.pyramid.neighbors[0][:, -1]
-        return float(np.median(np.linalg.norm(self.xyz - self.xyz[farthest], axis=1)))
+        return float(np.median(_reaches(self.xyz, self.pyramid.neighbors[0])))
 
     def crop_pyramid(self, indices: NDArray[np.int32], settings: PyramidSettings) -> Pyramid:
         """The pyramid of some of the tile's points.
@@ -175,6 +174,17 @@ def _mean_position(xyz: NDArray[np.float64], indices: NDArray[np.int64]) -> NDAr
         for axis in range(3):
             total[axis] += xyz[index, axis]
     return total / len(indices)
+
+
+@compiled
+def _reaches(xyz: NDArray[np.float32], neighbors: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Distance of each point to the last of its neighbors, shape (N,), float32."""
+    reaches = np.empty(len(xyz), np.float32)
+    for i in range(len(xyz)):
+        last = neighbors[i, -1]
+        x, y, z = xyz[last, 0] - xyz[i, 0], xyz[last, 1] - xyz[i, 1], xyz[last, 2] - xyz[i, 2]
+        reaches[i] = np.sqrt(x * x + y * y + z * z)
+    return reaches
 
 
 @compiled

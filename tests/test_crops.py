@@ -5,11 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bushseg import crops
-from bushseg.crops import CropSampler, class_weights, enough_crops, nearest
+from bushseg.crops import CropSampler, class_weights, enough_crops
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import _BLOCK
 
@@ -179,14 +177,3 @@ def test_mrs_covers_a_scene_in_fewer_draws_with_fewer_repeats_than_random(seed: 
     random_draws, random_visits = coverage(tiles, draw_random)
     assert mrs_draws < 0.7 * random_draws
     assert mrs_visits < 0.7 * random_visits
-
-
-@given(seed=st.integers(0, 99), size=st.integers(1, 50))
-def test_nearest_by_sorting(seed, size):
-    xyz = np.random.default_rng(seed).random((50, 3), dtype=np.float32)
-    found, distances = nearest(xyz, xyz[7], size)
-    expected = np.linalg.norm(xyz - xyz[7], axis=1)
-    np.testing.assert_allclose(distances, expected[found], rtol=1e-5)
-    assert sorted(found) == sorted(np.argsort(expected)[:size])
-    assert (np.diff(found) > 0).all()
-    assert found.dtype == np.int32

@@ -32,8 +32,8 @@ class NeighborIndex:
 
         Args:
             queries: Positions in the same frame, shape (M, 3), float32.
-            k: How many neighbors, some dozens at most; a query that is one of the points finds itself
-            first.
+            k: How many neighbors, some dozens at most; a query that is one of the points finds
+                itself first.
 
         Returns:
             Neighbor indices, shape (M, k), int32.

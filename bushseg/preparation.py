@@ -4,6 +4,7 @@ What stands on disk is in :mod:`bushseg.prepared`. A second run finds what is co
 """
 
 import shutil
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,7 @@ from bushseg.prepared import (
 )
 from bushseg.progress import SILENT, Progress
 from bushseg.scheme import ClassScheme
+from bushseg.stages import Stages
 
 _NO_LABELS = np.empty(0, dtype=np.int16)
 
@@ -49,6 +51,9 @@ class PrepareResult:
         num_voxels: Voxels of all cores.
         class_counts: Labelled voxels by class name.
         features: Features that every scan has.
+        seconds: From the first scan to the finished data set.
+        stages: Seconds by stage: read, sub-sample, ground and features, tiling, neighbors,
+            decimation, normals, draw crops, write; none where nothing had to be done.
         warnings: What a user should know: unknown codes, scans without labels, skipped points.
     """
 
@@ -62,6 +67,8 @@ class PrepareResult:
     num_voxels: int
     class_counts: dict[str, int]
     features: tuple[str, ...]
+    seconds: float
+    stages: dict[str, float]
     warnings: tuple[str, ...]
 
 
@@ -94,6 +101,7 @@ def prepare(
     scans = find_scans(paths)
     if not scans:
         raise DataError(f"{', '.join(map(str, paths))}: no scan found; give scans or their folder")
+    begun, stages = time.perf_counter(), Stages()
     folder = Path(output)
     manifests, num_redone = [], 0
     for path in scans:
@@ -101,7 +109,7 @@ def prepare(
         place = folder / "scans" / f"{path.name.split('.')[0][:60]}-{key}"
         manifest = read_finished(place / MANIFEST, tile_name)
         if manifest is None:
-            manifest = write_tiles(path, place, config, scheme, progress)
+            manifest = write_tiles(path, place, config, scheme, progress, stages)
             num_redone += 1
         manifests.append({**manifest, "folder": f"scans/{place.name}"})
     crops = folder / f"crops-{crops_key(manifests, config)}"
@@ -110,7 +118,7 @@ def prepare(
     drawn = read_finished(crops / MANIFEST, crop_name)
     crops_redone = drawn is None
     if drawn is None:
-        drawn = write_crops(folder, crops, manifests, class_counts, config, progress)
+        drawn = write_crops(folder, crops, manifests, class_counts, config, progress, stages)
     features = [manifest["features"] for manifest in manifests]
     dataset = {
         "version": FORMAT_VERSION,
@@ -134,6 +142,8 @@ def prepare(
         num_voxels=sum(tile["core_size"] for tile in tiles),
         class_counts=dict(zip(scheme.names, class_counts.tolist(), strict=True)),
         features=tuple(dataset["features"]),
+        seconds=time.perf_counter() - begun,
+        stages=stages.seconds,
         warnings=tuple(_warnings(manifests, scheme)),
     )
 

@@ -33,6 +33,7 @@ from bushseg.io import label_sidecar, open_scan
 from bushseg.progress import Progress
 from bushseg.scan import read_voxels
 from bushseg.scheme import ClassScheme
+from bushseg.stages import Stages
 from bushseg.tile_data import TileData, cut_tile
 from bushseg.tiling import Tiling
 
@@ -74,17 +75,24 @@ def crops_key(manifests: Sequence[dict[str, Any]], config: PrepareConfig) -> str
 
 
 def write_tiles(
-    path: Path, tiles: Path, config: PrepareConfig, scheme: ClassScheme, progress: Progress
+    path: Path,
+    tiles: Path,
+    config: PrepareConfig,
+    scheme: ClassScheme,
+    progress: Progress,
+    stages: Stages,
 ) -> dict[str, Any]:
     """Read one scan and write its tiles; the manifest, written last, says that all are there."""
     with open_scan(path) as reader:
-        scan = read_voxels(reader, config.voxel_size, scheme, config.label_field, progress)
-    tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo)
+        scan = read_voxels(reader, config.voxel_size, scheme, config.label_field, progress, stages)
+    with stages.timed("tiling"):
+        tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo)
     progress.start(f"tiling {path.name}", len(tiling.tiles), "tiles")
     entries = []
     for number, tile in enumerate(tiling.tiles):
-        data = cut_tile(scan, tiling, tile, config)
-        save_tile(tiles / tile_name(number), data)
+        data = cut_tile(scan, tiling, tile, config, stages)
+        with stages.timed("write"):
+            save_tile(tiles / tile_name(number), data)
         labels = data.labels[data.labels >= 0]
         entries.append(
             {
@@ -117,6 +125,7 @@ def write_crops(
     class_counts: NDArray[np.int64],
     config: PrepareConfig,
     progress: Progress,
+    stages: Stages,
 ) -> dict[str, Any]:
     """Draw crops over all tiles by MRS and write them with the indices of all levels."""
     files = [
@@ -141,11 +150,12 @@ def write_crops(
     )
     progress.start("drawing crops", num_crops, "crops")
     tiles = []
-    for number, crop in enumerate(sampler.draws(num_crops)):
+    for number, crop in enumerate(stages.each("draw crops", sampler.draws(num_crops))):
         tile = load(crop.tile)
-        pyramid = tile.crop_pyramid(crop.indices, config)
-        tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
-        save_tensors(crops / crop_name(number), tensors)
+        pyramid = tile.crop_pyramid(crop.indices, config, stages)
+        with stages.timed("write"):
+            tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
+            save_tensors(crops / crop_name(number), tensors)
         tiles.append(crop.tile)
         progress.advance(1)
     manifest = {"version": FORMAT_VERSION, "num_crops": num_crops, "tiles": tiles}

@@ -82,14 +82,20 @@ class TileData:
         """Median distance to the farthest of the K neighbors, metres: the tile's density."""
         return float(np.median(_reaches(self.xyz, self.pyramid.neighbors[0])))
 
-    def crop_pyramid(self, indices: NDArray[np.int32], settings: PyramidSettings) -> Pyramid:
+    def crop_pyramid(
+        self,
+        indices: NDArray[np.int32],
+        settings: PyramidSettings,
+        stages: Stages | None = None,
+    ) -> Pyramid:
         """The pyramid of some of the tile's points.
 
         Args:
             indices: The points, ascending, shape (n,), int32.
             settings: Neighborhood and pyramid settings.
+            stages: Told of the time that neighbors and decimation take.
         """
-        return _pyramid(self.xyz[indices], self.keys[indices], settings)
+        return _pyramid(self.xyz[indices], self.keys[indices], settings, stages)
 
 
 def cut_tile(

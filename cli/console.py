@@ -54,6 +54,12 @@ def shorten(value: float) -> str:
     return f"{value:.1f} G"
 
 
+def print_stages(stages: Mapping[str, float], seconds: float) -> None:
+    """Print where the time went: a line a stage, and what lies between them."""
+    for stage, spent in {**stages, "other": seconds - sum(stages.values())}.items():
+        out.print(f"  {stage:24} {spent:>10.3f} s {spent / max(seconds, 1e-9):6.1%}")
+
+
 def print_json(result: Any) -> None:
     """Print a result for machines: one JSON object; NaN becomes null."""
     out.print(json.dumps(_plain(result), indent=1))

@@ -11,6 +11,7 @@ ConfigFile = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+Profile = Annotated[bool, typer.Option("--profile", help="Print where the time went, by stage.")]
 ModelFile = Annotated[
     Path | None,
     typer.Option("--model", "-m", help="A model file or a run.  [default: the newest run's best]"),

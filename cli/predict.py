@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .console import out, print_json, progress, shorten, warn
-from .options import ConfigFile, Json, ModelFile, Quiet, changed
+from .console import out, print_json, print_stages, progress, shorten, warn
+from .options import ConfigFile, Json, ModelFile, Profile, Quiet, changed
 
 
 def predict(
@@ -27,12 +27,13 @@ def predict(
         typer.Option(metavar="CLASS=CODE", help="Write a class as this LAS code; repeatable."),
     ] = None,
     tile_points: Annotated[
-        int | None, typer.Option(help="Voxels in a tile's core.  [default: 400000]")
+        int | None, typer.Option(help="Voxels in a tile's core.  [default: 500000]")
     ] = None,
     halo: Annotated[
         int | None, typer.Option(help="Context around a tile, voxels.  [default: the model's]")
     ] = None,
     config: ConfigFile = None,
+    profile: Profile = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -77,6 +78,8 @@ def predict(
             out.print(f"  {name:24} {count:>12,} points  {count / result.num_points:6.1%}")
     if result.num_unlabelled:
         out.print(f"  {'(no label)':24} {result.num_unlabelled:>12,} points")
+    if profile:
+        print_stages(result.stages, result.seconds)
 
 
 def _codes(pairs: list[str]) -> dict[str, int]:

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .console import out, print_json, progress, warn
-from .options import ConfigFile, Json, Quiet, changed
+from .console import out, print_json, print_stages, progress, warn
+from .options import ConfigFile, Json, Profile, Quiet, changed
 
 
 def prepare(
@@ -34,6 +34,7 @@ def prepare(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
     config: ConfigFile = None,
+    profile: Profile = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -76,3 +77,5 @@ def prepare(
     for name, count in result.class_counts.items():
         if count:
             out.print(f"  {name:24} {count:>12,} voxels  {count / total:6.1%}")
+    if profile:
+        print_stages(result.stages, result.seconds)

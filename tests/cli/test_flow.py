@@ -40,6 +40,10 @@ def test_from_scans_to_scores(bushseg, scans, settings):
 def test_json_of_prepare_and_train(bushseg, scans, settings):
     made = json.loads(bushseg("prepare", scans, "-o", "data", "-c", settings, "--json").out)
     assert (made["folder"], made["num_scans"], made["num_redone"]) == ("data", 3, 3)
+    assert 0 < sum(made["stages"].values()) < made["seconds"]
+    profile = bushseg("prepare", scans, "-o", "data", "-c", settings, "--seed", 1, "--profile").out
+    for stage in ("read", "neighbors", "draw crops", "write", "other"):
+        assert f"  {stage} " in profile
     assert made["features"] == ["rgb", "intensity", "height"]
     trained = bushseg(
         "train", "data", "-o", "run", "-c", settings, "--epochs", 1, "--seed", 3, "--json"
@@ -73,6 +77,9 @@ def test_predict_takes_its_options(bushseg, scans, run):
     assert bushseg(*common, "--overwrite", "--keep-classification").status == 0
     before, after = laspy.read(south), laspy.read("out.las")
     assert (before.classification == after.classification).all()
+    profile = bushseg(*common, "--overwrite", "--profile").out
+    for stage in ("read", "sub-sample", "neighbors", "normals", "network", "look up", "write"):
+        assert f"  {stage} " in profile
     tiled = bushseg(*common, "--overwrite", "--tile-points", 1000, "--halo", 16, "--json")
     assert json.loads(tiled.out)["passes"] > 1
 

@@ -4,8 +4,8 @@
 
 The forward pass over one tile that holds the whole scan (a simulated site where none is given),
 against the machine's own rate of multiplying matrices in float32 and the network's count of
-operations; then a training step, forward, backward and update. Where a model is given, also how many
-labels bfloat16 changes. Without one the weights are random: time does not depend on them.
+operations. Where a model is given, also how many labels bfloat16 changes, and its mIoU where the
+scan has labels. Without one the weights are random: time does not depend on them.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from bushseg import io
 from bushseg.checkpoint import Model, load_model
 from bushseg.config import NetworkConfig, Precision
 from bushseg.inference import feature_matrix, tile_logits
+from bushseg.metrics import ConfusionMatrix
 from bushseg.models.batch import Batch
 from bushseg.models.bushnet import BushNet
 from bushseg.models.lmff import POSITION_WIDTH, SPF_WIDTH
@@ -97,7 +98,7 @@ def scan_path(given: Path | None) -> Iterator[Path]:
 def read_tile(path: Path, model: Model) -> TileData:
     """The whole scan as one tile."""
     with io.open_scan(path) as reader:
-        scan = read_voxels(reader, model.card.prepare.voxel_size)
+        scan = read_voxels(reader, model.card.prepare.voxel_size, model.card.scheme)
     tiling = Tiling(scan.voxels.keys, len(scan.voxels), 0)
     return cut_tile(scan, tiling, tiling.tiles[0], model.card.prepare)
 
@@ -158,6 +159,12 @@ def main() -> None:
             for precision in precisions
         )
         print(f"\nbfloat16 changes {(exact != rounded).mean():.3%} of the labels.")
+        truth = tile.labels[tile.is_core]
+        if (truth >= 0).any():
+            for precision, labels in zip(precisions, (exact, rounded), strict=True):
+                confusion = ConfusionMatrix(card.scheme.num_classes)
+                confusion.update(labels, truth)
+                print(f"mIoU with products in {precision}: {confusion.miou:.2%}")
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from bushseg.models.precision import multiplying_in
 from bushseg.plots import plot_curves
 from bushseg.progress import SILENT, Progress
 from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS, new_run, remove_run
+from bushseg.stages import Stages
 from bushseg.training_state import (
     TrainingState,
     optimizer_tensors,
@@ -52,6 +53,7 @@ class TrainResult:
         interrupted: Whether it was asked to stop before the last epoch.
         num_points: Voxels that went forward and backward in this call.
         seconds: How long this call trained, validation left out.
+        stages: Seconds by stage, validation among them.
     """
 
     folder: Path
@@ -60,6 +62,7 @@ class TrainResult:
     interrupted: bool
     num_points: int
     seconds: float
+    stages: dict[str, float]
 
 
 def train(
@@ -116,6 +119,7 @@ class Trainer:
         self.config = config.model_copy(update={"prepare": dataset.config})
         self.progress = progress
         self.state = TrainingState(settings=config.train)
+        self.stages = Stages()
         self._drawn_at, self._undrawn = 0.0, False
         self.train_tiles, self.held_out = dataset.split(config.train)
         self.card = _card(dataset, self.train_tiles, self.config)
@@ -178,7 +182,8 @@ class Trainer:
             if stopped:
                 self._save_last()
             else:
-                self._finish_epoch(points / max(time.perf_counter() - begun, 1e-9))
+                with self.stages.timed("metrics and checkpoints"):
+                    self._finish_epoch(points / max(time.perf_counter() - begun, 1e-9))
                 done, left = self.state.epoch - first, settings.epochs - self.state.epoch
                 seconds_left = (time.monotonic() - started) * left / done
                 row = self.state.history[-1]
@@ -186,7 +191,13 @@ class Trainer:
         if self._undrawn:
             self._draw_curves()
         return TrainResult(
-            self.folder, self.state.epoch, self.state.history, stopped, num_points, seconds
+            folder=self.folder,
+            epochs=self.state.epoch,
+            history=self.state.history,
+            interrupted=stopped,
+            num_points=num_points,
+            seconds=seconds,
+            stages=self.stages.seconds,
         )
 
     def _epoch(self, stop: Callable[[], bool]) -> tuple[int, bool]:
@@ -205,7 +216,7 @@ class Trainer:
             "points",
         )
         num_points = 0
-        for batch, labels in batches.start(state.step):
+        for batch, labels in self.stages.each("wait for batches", batches.start(state.step)):
             if stop():
                 return num_points, True
             loss, logits = self._step(batch, labels)
@@ -222,13 +233,15 @@ class Trainer:
         settings, state = self.config.train, self.state
         labels = labels.to(self.device)
         with multiplying_in(settings.precision):
-            with torch.random.fork_rng():
+            with self.stages.timed("forward"), torch.random.fork_rng():
                 torch.manual_seed(torch_seed(settings.seed, state.epoch, state.step))
                 logits = self.network(batch.to(self.device))
-            loss = weighted_cross_entropy(logits, labels, self.weights)
-            self.optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            self.optimizer.step()
+                loss = weighted_cross_entropy(logits, labels, self.weights)
+            with self.stages.timed("backward"):
+                self.optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+            with self.stages.timed("update"):
+                self.optimizer.step()
         return float(loss.detach()), logits.detach()
 
     def _finish_epoch(self, points_per_second: float) -> None:
@@ -245,7 +258,10 @@ class Trainer:
         }
         judged = trained
         if self.held_out:
-            judged = validate(self.network, self.dataset, self.held_out, self.card, self.progress)
+            with self.stages.timed("validate"):
+                judged = validate(
+                    self.network, self.dataset, self.held_out, self.card, self.progress
+                )
             row |= {"val_oa": judged.oa, "val_miou": judged.miou}
             row |= {f"val_iou/{n}": float(v) for n, v in zip(names, judged.iou, strict=True)}
         state.history.append({key: float(value) for key, value in row.items()})

@@ -32,6 +32,10 @@ def predict(
     halo: Annotated[
         int | None, typer.Option(help="Context around a tile, voxels.  [default: the model's]")
     ] = None,
+    precision: Annotated[
+        str | None,
+        typer.Option(help="Products on a CPU: float32, bfloat16 or auto.  [default: auto]"),
+    ] = None,
     config: ConfigFile = None,
     profile: Profile = False,
     quiet: Quiet = False,
@@ -56,6 +60,7 @@ def predict(
     given = changed(
         tile_points=tile_points,
         halo=halo,
+        precision=precision,
         keep_classification=keep_classification,
         asprs=_codes(asprs) if asprs else None,
     )

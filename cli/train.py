@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .console import err, out, print_json, progress
-from .options import ConfigFile, Json, Quiet, changed
+from .console import err, out, print_json, print_stages, progress
+from .options import ConfigFile, Json, Profile, Quiet, changed
 
 
 def train(
@@ -41,7 +41,12 @@ def train(
     spo: Annotated[bool | None, typer.Option(help="Use relative positions (Table 3).")] = None,
     spf: Annotated[bool | None, typer.Option(help="Use simple point features (Table 3).")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
+    precision: Annotated[
+        str | None,
+        typer.Option(help="Products on a CPU: float32, bfloat16 or auto.  [default: float32]"),
+    ] = None,
     config: ConfigFile = None,
+    profile: Profile = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -72,6 +77,7 @@ def train(
             validation=validation,
             fresh_crops=fresh_crops,
             seed=seed,
+            precision=precision,
         ),
         "network": changed(attention=attention, spo=spo, spf=spf),
     }
@@ -91,6 +97,8 @@ def train(
     if as_json:
         print_json(result)
         return
+    if profile:
+        print_stages(result.stages, sum(result.stages.values()))
     if result.interrupted:
         out.print(
             f"stopped in epoch {result.epochs + 1}; go on with "

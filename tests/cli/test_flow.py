@@ -53,6 +53,10 @@ def test_json_of_prepare_and_train(bushseg, scans, settings):
     assert (result["folder"], result["epochs"], result["interrupted"]) == ("run", 1, False)
     assert result["history"][0]["loss"] > 0
     assert "seed = 3" in Path("run/config.toml").read_text()
+    again = ("train", "data", "-o", "run", "--overwrite", "-c", settings, "--epochs", 1)
+    profile = bushseg(*again, "--precision", "bfloat16", "--profile").out
+    for stage in ("wait for batches", "forward", "backward", "update", "metrics and checkpoints"):
+        assert f"  {stage} " in profile
 
 
 def test_json_of_predict_and_evaluate(bushseg, scans, run):
@@ -80,7 +84,9 @@ def test_predict_takes_its_options(bushseg, scans, run):
     profile = bushseg(*common, "--overwrite", "--profile").out
     for stage in ("read", "sub-sample", "neighbors", "normals", "network", "look up", "write"):
         assert f"  {stage} " in profile
-    tiled = bushseg(*common, "--overwrite", "--tile-points", 1000, "--halo", 16, "--json")
+    assert bushseg(*common, "--overwrite", "--precision", "float16").status == 1
+    exact = (*common, "--overwrite", "--precision", "float32")
+    tiled = bushseg(*exact, "--tile-points", 1000, "--halo", 16, "--json")
     assert json.loads(tiled.out)["passes"] > 1
 
 

@@ -1,0 +1,90 @@
+"""How time and memory of `predict` grow with the scan.
+
+    python benchmarks/scaling.py [--points 100000,1000000,10000000] [--voxel-size 0.1] [--repeats 3]
+
+A simulated site is laid side by side until it has so many points, and labelled by a model of
+random weights (time does not depend on them), each run in a process of its own. Prints the medians,
+and the exponent of time against points from the first size to the last.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import laspy
+import numpy as np
+from open3d_ml_ours import model_at
+
+from bushseg.simulation import SimulateConfig, simulate
+
+
+def site_copies(site: Path, output: Path, num_points: int) -> None:
+    """Write the first points of as many copies of a site, on a square, as hold so many."""
+    source = laspy.read(site)
+    extent = np.ceil(np.max(source.header.maxs[:2] - source.header.mins[:2])) + 1
+    step = round(float(extent / source.header.scales[0]))
+    columns = int(np.ceil(np.sqrt(num_points / len(source.points))))
+    header = laspy.LasHeader(point_format=source.header.point_format, version="1.4")
+    header.scales, header.offsets = source.header.scales, source.header.offsets
+    with laspy.open(output, mode="w", header=header) as writer:
+        left, number = num_points, 0
+        while left > 0:
+            points = source.points[: min(left, len(source.points))].copy()
+            points["X"] = points["X"] + step * (number % columns)
+            points["Y"] = points["Y"] + step * (number // columns)
+            writer.write_points(points)
+            left, number = left - len(points), number + 1
+
+
+def label(scan: Path, model: Path) -> dict[str, float]:
+    """`bushseg predict` in a process of its own: its result."""
+    program = str(Path(sys.executable).with_name("bushseg"))
+    with tempfile.TemporaryDirectory() as folder:
+        options = ["-o", str(Path(folder, "labelled.las")), "--model", str(model), "--json"]
+        command = [program, "predict", str(scan), *options]
+        run = subprocess.run(command, capture_output=True, text=True, check=True)
+    result: dict[str, float] = json.loads(run.stdout)
+    return result
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--points", default="100000,1000000,10000000")
+    parser.add_argument("--voxel-size", type=float, default=0.1)
+    parser.add_argument("--repeats", type=int, default=3)
+    options = parser.parse_args()
+    sizes = [int(size) for size in options.points.split(",")]
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        simulate(root / "site", SimulateConfig(seed=1))
+        site = next((root / "site").glob("*.la?"))
+        model = model_at(options.voxel_size, root, None)
+        scans = []
+        for size in sizes:
+            scans.append(root / f"{size}.las")
+            site_copies(site, scans[-1], size)
+        label(scans[0], model)  # loads what the first run of an installation compiles
+        print("| points | voxels | passes | s | points/s | peak GB |")
+        print("|---:|---:|---:|---:|---:|---:|")
+        seconds = []
+        for size, scan in zip(sizes, scans, strict=True):
+            runs = [label(scan, model) for _ in range(options.repeats)]
+            seconds.append(float(np.median([run["seconds"] for run in runs])))
+            peak = max(run["peak_memory"] for run in runs)
+            print(
+                f"| {size:,} | {runs[0]['num_voxels']:,} | {runs[0]['passes']:.2f} "
+                f"| {seconds[-1]:.2f} | {size / seconds[-1]:,.0f} | {peak / 1e9:.2f} |",
+                flush=True,
+            )
+    exponent = np.log(seconds[-1] / seconds[0]) / np.log(sizes[-1] / sizes[0])
+    print(f"\nTime grows with the power {exponent:.2f} of the points.")
+
+
+if __name__ == "__main__":
+    main()

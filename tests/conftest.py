@@ -8,11 +8,16 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from bushseg.config import Config, NetworkConfig, PrepareConfig, TrainConfig
 
 # Networks this small lose more by threads that wait for each other than they gain.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A first call may compile for seconds: no test judges how long an example takes.
+settings.register_profile("untimed", parent=settings.default, deadline=None)
+settings.load_profile("untimed")
 
 EDGE = 8.0
 GROUND, BUSH, WALL = 2, 4, 6

@@ -10,14 +10,13 @@ scan has labels. Without one the weights are random: time does not depend on the
 
 import argparse
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import torch
 from open3d_ml_ours import model_at
+from training_step import median_seconds
 
 from bushseg import io
 from bushseg.checkpoint import Model, load_model
@@ -64,17 +63,6 @@ def operations(network: BushNet, batch: Batch, config: NetworkConfig) -> float:
         total += sizes[coarse - 1] * out * layer.num_skip
         total += sizes[coarse] * out * (taken - layer.num_skip)
     return 2 * total
-
-
-def median_seconds(function: Callable[[], object], repeats: int) -> float:
-    """Median time of a call, the first not counted."""
-    function()
-    times = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begun)
-    return float(np.median(times))
 
 
 def matmul_rate(repeats: int) -> float:

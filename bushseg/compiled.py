@@ -1,7 +1,7 @@
 """Loops that run as machine code, compiled by Numba on their first call.
 
 The code is kept on disk beside the module (or in the user's cache folder where that isn't
-writable), so a second or two is paid once an installation, not once a run. Compiled functions
+writable), so half a minute is paid once an installation, not once a run. Compiled functions
 release the interpreter's lock: :mod:`bushseg.parallel` runs them on all cores.
 
 They index without bounds checks. What they are given was checked before: they are called by the

@@ -9,7 +9,7 @@ from bushseg.models.kernels import SLOPE
 from bushseg.models.pooling import run_chunks
 
 CHUNK = 2048
-"""Points handled at once without gradients; measured in benchmarks/RESULTS.md."""
+"""Points handled at once without gradients: their rows stay in a core's cache."""
 
 
 class SharedMLP(nn.Module):

@@ -31,7 +31,7 @@ class Geometry:
         columns: Position encoding, then (alpha, phi, theta), those that are on, then a one:
             (N, K, G).
         moments: Mean of the products of every two columns, (G, G) float64; None where the
-            network's running statistics count.
+            network's running statistics count, or normalization takes its own (the plain path).
     """
 
     neighbors: Tensor
@@ -40,10 +40,16 @@ class Geometry:
 
     @classmethod
     def of(cls, level: Level, config: NetworkConfig, *, with_moments: bool) -> "Geometry":
-        """Compute what the configuration asks for."""
+        """Compute what the configuration asks for.
+
+        Args:
+            level: The level.
+            config: The switches.
+            with_moments: Whether the lifts are normalized by these pairs' own statistics.
+        """
         fast = level.xyz.device.type == "cpu" and level.xyz.dtype == torch.float32
         columns = (describe_fast if fast else describe)(level, config)
-        return cls(level.neighbors, columns, moments(columns) if with_moments else None)
+        return cls(level.neighbors, columns, moments(columns) if with_moments and fast else None)
 
 
 def describe(level: Level, config: NetworkConfig) -> Tensor:

@@ -24,8 +24,8 @@ from bushseg.models import kernels
 from bushseg.parallel import for_chunks, num_workers
 
 _CHUNK_FLOATS = 1_000_000
-"""What a chunk's arrays over pairs hold, about: near what a core's second-level cache does.
-Measured in benchmarks/RESULTS.md."""
+"""What a chunk's two arrays over pairs hold, about: 4 MB, a few times a core's second-level cache.
+Smaller chunks stay in it and lose more to the calls between the loops than they gain."""
 
 
 @contextmanager

@@ -86,7 +86,7 @@ def main() -> None:
     voxel_size = model.card.prepare.voxel_size
     calls = {}
     with tempfile.TemporaryDirectory() as folder:
-        spinning = SimulateConfig(seed=1, sensor="spinning")
+        spinning = SimulateConfig(seed=1, sensor={"kind": "spinning"})
         paths = options.frames or simulate(Path(folder), spinning)
         for path in paths:
             with bushseg.open_scan(path) as reader:

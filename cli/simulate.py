@@ -14,7 +14,10 @@ def simulate(
     sites: Annotated[int | None, typer.Option(help="How many sites.")] = None,
     size: Annotated[float | None, typer.Option(help="Edge of a site, metres.")] = None,
     sensor: Annotated[
-        str | None, typer.Option(help="tripod, airborne or spinning.  [default: tripod]")
+        str | None,
+        typer.Option(
+            help="tripod, phase, mobile, spinning, vehicle, uav or airborne.  [default: tripod]"
+        ),
     ] = None,
     color: Annotated[bool | None, typer.Option(help="Give points colors.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
@@ -35,7 +38,8 @@ def simulate(
     from bushseg.simulation import SimulateConfig
     from bushseg.simulation import simulate as run
 
-    given = changed(num_sites=sites, size=size, sensor=sensor, color=color, seed=seed)
+    given = changed(num_sites=sites, size=size, seed=seed)
+    given["sensor"] = changed(kind=sensor, color=color)
     with progress(quiet=quiet or as_json) as shown:
         paths = run(output, SimulateConfig.from_dict(given), progress=shown)
     if as_json:

@@ -8,7 +8,12 @@ from pathlib import Path
 import bushseg
 from bushseg.simulation import SimulateConfig
 
-SMALL = {"size": 20, "stations": 2, "angular_step": 0.7, "num_bushes": 15, "num_trees": 2}
+SMALL = {
+    "size": 20,
+    "sensor": {"stations": 2, "angular_step": 0.7},
+    "num_bushes": 15,
+    "num_trees": 2,
+}
 
 
 def main() -> None:

@@ -9,7 +9,12 @@ import bushseg
 from bushseg.config import Config, PrepareConfig, TrainConfig
 from bushseg.simulation import SimulateConfig
 
-SMALL = {"size": 20, "stations": 2, "angular_step": 0.7, "num_bushes": 15, "num_trees": 2}
+SMALL = {
+    "size": 20,
+    "sensor": {"stations": 2, "angular_step": 0.7},
+    "num_bushes": 15,
+    "num_trees": 2,
+}
 
 
 def main() -> None:

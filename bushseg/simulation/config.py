@@ -1,10 +1,9 @@
 """What a simulated site holds and how it is scanned."""
 
-from typing import Literal, Self
+from pydantic import Field
 
-from pydantic import Field, model_validator
-
-from bushseg.config import Positive, Section, Share
+from bushseg.config import Section
+from bushseg.simulation.sensors import SensorConfig
 
 
 class SimulateConfig(Section):
@@ -27,50 +26,4 @@ class SimulateConfig(Section):
     num_vehicles: int = Field(1, ge=0, le=100, description="Parked cars")
     num_people: int = Field(2, ge=0, le=100, description="People standing about")
 
-    sensor: Literal["tripod", "airborne", "spinning"] = Field(
-        "tripod",
-        description="tripod: terrestrial scanner; airborne: flight lines; "
-        "spinning: one frame of a 64-beam LiDAR, as KITTI .bin and .label",
-    )
-    stations: int = Field(
-        3, ge=1, le=100, description="Tripod set-ups or flight lines; a spinning sensor has one"
-    )
-    angular_step: float = Field(
-        0.36, ge=0.005, le=10, description="Step between a tripod's rays, degrees"
-    )
-    pulse_spacing: float = Field(
-        0.1, ge=0.01, le=5, description="Step between airborne pulses on level ground, metres"
-    )
-    flight_height: float = Field(
-        60.0, ge=30, le=1000, description="Height of the flight lines above the site, metres"
-    )
-    scan_angle: float = Field(
-        20.0, gt=0, le=45, description="Greatest angle of airborne rays from the nadir, degrees"
-    )
-    min_range: float = Field(0.4, ge=0, description="Nearest return, metres")
-    max_range: Positive = Field(120.0, description="Farthest return, metres")
-    range_noise: float = Field(
-        0.004, ge=0, le=1, description="Standard deviation of ranges, metres"
-    )
-    intensity_noise: Share = Field(
-        0.08, description="Standard deviation of intensities, as a share of the intensity"
-    )
-    dropout: float = Field(0.01, ge=0, lt=1, description="Share of returns that get lost")
-    color: bool = Field(True, description="Whether points have RGB")
-    color_noise: float = Field(
-        10.0, ge=0, le=255, description="Standard deviation of colors, of 255"
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.min_range >= self.max_range:
-            raise ValueError(
-                f"min_range is {self.min_range} m and max_range {self.max_range} m; "
-                "expected min_range to be the smaller"
-            )
-        if self.sensor == "airborne" and self.max_range < 1.5 * self.flight_height:
-            raise ValueError(
-                f"max_range is {self.max_range} m for a flight_height of {self.flight_height} m; "
-                "expected at least 1.5 times the height"
-            )
-        return self
+    sensor: SensorConfig = Field(SensorConfig(), description="How it is scanned")

@@ -1,6 +1,5 @@
-"""Simulating sites, one file each."""
+"""Simulating sites, one scan or a few frames each."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +7,7 @@ import numpy as np
 from bushseg.points import FloatArray
 from bushseg.progress import SILENT, Progress
 from bushseg.simulation.config import SimulateConfig
-from bushseg.simulation.output import write_kitti, write_laz
-from bushseg.simulation.scanner import Returns, scan
-from bushseg.simulation.sensors import SENSORS, spinning_origin
+from bushseg.simulation.sensors.recording import record
 from bushseg.simulation.site import make_site
 
 FIRST_ORIGIN = np.array([500_000.0, 5_400_000.0, 250.0])
@@ -29,35 +26,31 @@ def simulate(output: Path, config: SimulateConfig, *, progress: Progress = SILEN
         progress: Told of each site, and of the points it gave.
 
     Returns:
-        The scans in order: LAZ files, or for the spinning sensor .bin files, each of which has a
-        .label beside it.
+        The scans in order: LAZ files, or for the spinning sensor .bin files (several frames of a
+        site: `site_000_000.bin`, `site_000_001.bin`), each of which has a .label beside it.
 
     Raises:
         DataError: A site gave no return at all.
         WriteError: The folder can't be created or written to.
     """
     progress.start("simulating sites", config.num_sites, "sites")
-    suffix = ".bin" if config.sensor == "spinning" else ".laz"
-    paths = []
+    paths: list[Path] = []
     for number in range(config.num_sites):
-        path = Path(output) / f"site_{number:03d}{suffix}"
-        num_points = _simulate_site(path, config, number)
-        progress.note(f"{path}: {num_points:,} points")
+        written = _simulate_site(Path(output) / f"site_{number:03d}", config, number)
+        for path, num_points in written.items():
+            progress.note(f"{path}: {num_points:,} points")
         progress.advance(1)
-        paths.append(path)
+        paths.extend(written)
     return paths
 
 
-def _simulate_site(path: Path, config: SimulateConfig, number: int) -> int:
-    """Make, scan and write one site; return its number of points (or of rays, for a frame)."""
+def _simulate_site(stem: Path, config: SimulateConfig, number: int) -> dict[Path, int]:
+    """Make, scan and write one site; return its files' numbers of points (of rays, for frames)."""
     # Two streams: a sensor's setting doesn't change what stands on the site.
     site_seed, scan_seed = np.random.SeedSequence([config.seed, number]).spawn(2)
     site = make_site(np.random.default_rng(site_seed), config)
-    rays = SENSORS[config.sensor](site, config)
-    returns: Iterator[Returns] = scan(np.random.default_rng(scan_seed), site.scene, rays, config)
-    if config.sensor == "spinning":
-        return write_kitti(path, returns, spinning_origin(site))
-    return write_laz(path, returns, _origin(config, number), color=config.color)
+    scan_rng = np.random.default_rng(scan_seed)
+    return record(scan_rng, site, config.sensor, stem, _origin(config, number))
 
 
 def _origin(config: SimulateConfig, number: int) -> FloatArray:

@@ -157,7 +157,7 @@ class _Builder:
 
     def _stations(self) -> FloatArray:
         """Spread stations in a spiral about the middle and keep 2.5 m around each free; (S, 2)."""
-        size, number = self.config.size, self.config.stations
+        size, number = self.config.size, self.config.sensor.stations
         order = np.arange(number)
         radius = 0.36 * size * np.sqrt((order + 0.5) / number)
         angle = self._yaw() + GOLDEN_ANGLE * order

@@ -14,24 +14,13 @@ from bushseg.simulation import SimulateConfig
         ("num_bushes", -1),
         ("num_trees", 1.5),
         ("sensor", "sonar"),
-        ("stations", 0),
-        ("angular_step", 0.0),
-        ("max_range", float("inf")),
-        ("range_noise", -0.01),
-        ("dropout", 1.0),
+        ("sensor", {"stations": 0}),
         ("bushes", 12),
     ],
 )
 def test_nonsense_is_refused_by_name(setting, value):
     with pytest.raises(ValidationError, match=setting):
         SimulateConfig.model_validate({setting: value})
-
-
-def test_ranges_must_fit_each_other():
-    with pytest.raises(ValidationError, match="min_range"):
-        SimulateConfig(min_range=10, max_range=5)
-    with pytest.raises(ValidationError, match="flight_height"):
-        SimulateConfig(sensor="airborne", flight_height=100, max_range=110)
 
 
 def test_settings_are_frozen_and_described():

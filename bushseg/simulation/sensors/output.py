@@ -1,4 +1,4 @@
-"""Writing what was scanned: LAZ for tripod and airborne, KITTI frames for the spinning LiDAR."""
+"""Writing what was scanned: LAZ, and KITTI frames for the spinning LiDAR."""
 
 import datetime
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from laspy.vlrs.known import WktCoordinateSystemVlr
 from bushseg.errors import DataError
 from bushseg.files import atomic_path
 from bushseg.points import FloatArray
-from bushseg.simulation.scanner import FULL_SCALE, Returns
+from bushseg.simulation.sensors.scanner import FULL_SCALE, Returns
 
 SCALE = 0.001
 FIRST_TIME = 441_763_200.0
@@ -38,8 +38,9 @@ UTM_32N = (
 def write_laz(path: Path, batches: Iterable[Returns], origin: FloatArray, *, color: bool) -> int:
     """Write LAS 1.4, point format 7 with color and 6 without, millimetre steps.
 
-    Times, stations (`point_source_id`), classes and the extra dimension `instance` (uint32) are
-    written beside intensity and color. The same returns give the same file, byte for byte.
+    Times, returns, stations (`point_source_id`), classes and the extra dimension `instance`
+    (uint32) are written beside intensity and color. The same returns give the same file, byte for
+    byte.
 
     Args:
         path: The file; it appears whole or not at all.
@@ -81,8 +82,8 @@ def _record(
     xyz = returns.xyz + origin
     record["x"][:], record["y"][:], record["z"][:] = xyz.T
     record["intensity"][:] = returns.intensity
-    record["return_number"][:] = 1
-    record["number_of_returns"][:] = 1
+    record["return_number"][:] = returns.return_number
+    record["number_of_returns"][:] = returns.num_returns
     record["classification"][:] = returns.class_code
     record["instance"][:] = returns.instance
     record["point_source_id"][:] = returns.station
@@ -93,7 +94,7 @@ def _record(
     return record
 
 
-def write_kitti(path: Path, batches: Iterable[Returns], sensor: FloatArray) -> int:
+def write_kitti(path: Path, batches: Iterable[Returns]) -> int:
     """Write a frame as KITTI has it: a .bin, and a .label beside it.
 
     The .bin holds float32 x, y, z in metres from the sensor and intensity 0 to 1, every ray in
@@ -102,8 +103,7 @@ def write_kitti(path: Path, batches: Iterable[Returns], sensor: FloatArray) -> i
 
     Args:
         path: The .bin file; both files appear whole or not at all, the .label first.
-        batches: Returns of one turn, in order.
-        sensor: The sensor's place, metres from the site's origin, shape (3,).
+        batches: Returns of one turn in the sensor's own coordinates, in order, one a ray at most.
 
     Returns:
         The number of rays written.
@@ -115,7 +115,7 @@ def write_kitti(path: Path, batches: Iterable[Returns], sensor: FloatArray) -> i
     points, labels = [], []
     for returns in batches:
         point = np.zeros((returns.num_rays, 4), "<f4")
-        point[returns.ray, :3] = returns.xyz - sensor
+        point[returns.ray, :3] = returns.xyz
         point[returns.ray, 3] = returns.intensity / FULL_SCALE
         label = np.zeros(returns.num_rays, "<u4")
         label[returns.ray] = returns.class_code | returns.instance << 16

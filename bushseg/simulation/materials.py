@@ -20,6 +20,7 @@ SOIL = Material(0.30, (112, 100, 66))
 LAWN = Material(0.42, (104, 124, 60))
 GRAVEL = Material(0.36, (158, 150, 138))
 GRASS = Material(0.55, (136, 156, 74))
+DRY_GRASS = Material(0.50, (186, 168, 112))
 BARK = Material(0.35, (92, 74, 58))
 PLASTER = Material(0.75, (228, 220, 202))
 TILES = Material(0.40, (158, 76, 56))
@@ -43,7 +44,35 @@ SHRUB_LEAF = (
     Material(0.50, (122, 116, 58)),
     Material(0.44, (104, 62, 54)),
 )
-NEEDLES = (Material(0.38, (46, 80, 52)), Material(0.42, (58, 90, 66)))
+HEDGE_LEAF = (
+    Material(0.48, (52, 92, 40)),
+    Material(0.52, (84, 116, 50)),
+    Material(0.42, (44, 72, 48)),
+    Material(0.46, (110, 96, 60)),
+)
+HERB_LEAF = (
+    Material(0.52, (72, 118, 46)),
+    Material(0.56, (100, 134, 58)),
+    Material(0.50, (118, 126, 66)),
+)
+NEEDLES = (
+    Material(0.38, (46, 80, 52)),
+    Material(0.42, (58, 90, 66)),
+    Material(0.40, (70, 96, 78)),
+)
+DEAD_LEAF = (Material(0.48, (142, 104, 66)), Material(0.52, (166, 128, 82)))
+TREE_BARK = (
+    BARK,
+    Material(0.42, (122, 108, 92)),
+    Material(0.32, (104, 78, 60)),
+    Material(0.55, (190, 184, 172)),
+)
+SHRUB_BARK = (
+    Material(0.36, (98, 82, 64)),
+    Material(0.42, (124, 100, 78)),
+    Material(0.34, (92, 56, 48)),
+)
+DEAD_WOOD = (Material(0.45, (138, 126, 112)), Material(0.38, (108, 92, 76)))
 PAINT = (
     Material(0.55, (168, 36, 36)),
     Material(0.70, (222, 222, 224)),

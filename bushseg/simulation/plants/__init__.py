@@ -1,11 +1,11 @@
 """Vegetation by rules: stems branch, branches carry twigs, and twigs carry leaves.
 
-Every `grow_` function takes a generator and a `PlantsConfig`, which holds all distributions. What is a
-bush and what a tree is decided by how it grows, not by its size: a woody plant with one stem that is,
-or will be, a tree is "tree", were it a sapling of 1.5 m; several stems from the ground and at most
-about 6 m is "bush". Several stems and taller is a multi-stemmed "tree". Dead stems, logs and stumps
-are "tree" as the wood they are; a heap of brush is "bush", as it is to all who must get past it.
-Grass and herbs are "low vegetation".
+Every `grow_` function takes a generator and a `PlantsConfig`, which holds all distributions. What
+is a bush and what a tree is decided by how it grows, not by its size: a woody plant with one stem
+that is, or will be, a tree is "tree", were it a sapling of 1.5 m; several stems from the ground and
+at most about 6 m is "bush". Several stems and taller is a multi-stemmed "tree". Dead stems, logs
+and stumps are "tree" as the wood they are; a heap of brush is "bush", as it is to all who must get
+past it. Grass and herbs are "low vegetation".
 """
 
 from typing import TYPE_CHECKING, Any

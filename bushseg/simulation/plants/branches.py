@@ -57,8 +57,9 @@ class Branches:
         return first + share[:, None] * along, unit(along), thick + share * (thin - thick)
 
     def scaled(self, factors: ArrayLike) -> Branches:
-        """Stretch along x, y and z by `factors` (3,), thickness aside."""
-        return Branches(self.paths * np.asarray(factors), self.radii)
+        """Stretch along x, y and z by `factors` (3,), thickness aside; roots stay in place."""
+        factor = np.where(self.paths < (-np.inf, -np.inf, 0.0), 1.0, np.asarray(factors))
+        return Branches(self.paths * factor, self.radii)
 
 
 def unit(vectors: FloatArray) -> FloatArray:
@@ -70,7 +71,7 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 
 def tilted(rng: np.random.Generator, axes: FloatArray, angles: ArrayLike) -> FloatArray:
-    """Directions (N, 3) that stand off unit `axes` (N, 3) by `angles` (N,) degrees, any way round."""
+    """Directions (N, 3) that stand off unit `axes` (N, 3) by `angles` (N,) degrees, anyhow."""
     sideways = np.cross(axes, rng.standard_normal(axes.shape))
     angle = np.broadcast_to(np.radians(angles), len(axes))[:, None]
     return np.cos(angle) * axes + np.sin(angle) * unit(sideways)
@@ -94,9 +95,7 @@ def reaching(
         knots: K.
     """
     t = np.linspace(0, 1, knots)[:, None]
-    paths = (
-        (1 - t) ** 2 * feet[:, None] + 2 * t * (1 - t) * bends[:, None] + t**2 * tips[:, None]
-    )
+    paths = (1 - t) ** 2 * feet[:, None] + 2 * t * (1 - t) * bends[:, None] + t**2 * tips[:, None]
     return Branches(paths, tapering(radii, knots))
 
 
@@ -161,7 +160,8 @@ def sprouting(
         wiggle: How much they turn anyhow, at each step.
     """
     reach = parents.lengths()
-    index = np.sort(rng.choice(len(parents), number, p=reach / reach.sum()))
+    share = reach + 0.25 * reach.mean()  # or else the tops of conifers would be bare
+    index = np.sort(rng.choice(len(parents), number, p=share / share.sum()))
     t = rng.uniform(start, 1, number)
     feet, axes, radii = parents.at(index, t)
     headings = tilted(rng, axes, rng.normal(*angle, number))
@@ -170,9 +170,19 @@ def sprouting(
     else:
         lengths = length * reach[index] * (1.2 - 0.7 * t) * rng.uniform(0.6, 1.3, number)
     radii = np.minimum(thickness * radii, 0.03 * lengths + THINNEST)
-    return growing(
-        rng, feet, headings, lengths, radii, knots=knots, rise=rise, wiggle=wiggle
-    )
+    return growing(rng, feet, headings, lengths, radii, knots=knots, rise=rise, wiggle=wiggle)
+
+
+def fitting(branches: Branches, half: float, height: float) -> FloatArray:
+    """Factors (3,) along x, y and z that bring `branches` to half a width and a height, metres.
+
+    Twigs grow beyond what their limbs reach, by how much depends on their angles. The height is
+    that of the highest, the width leaves the farthest one in thirty out.
+    """
+    ends = branches.paths[:, -1]
+    wide = np.quantile(np.hypot(ends[:, 0], ends[:, 1]), 0.97)
+    across = np.clip(half / max(wide, 1e-6), 0.3, 2.0)
+    return np.array([across, across, np.clip(height / max(ends[:, 2].max(), 1e-6), 0.5, 1.5)])
 
 
 def rods(branches: Branches, sides: int) -> Mesh:

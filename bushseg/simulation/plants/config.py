@@ -128,5 +128,5 @@ class PlantsConfig(Section):
     detail: float = Field(
         1.0, gt=0, le=10, description="Factor on the number of leaves and twigs; area is kept"
     )
-    max_shrub_leaves: int = Field(8000, ge=10, description="Most leaves of a shrub, times detail")
+    max_shrub_leaves: int = Field(7000, ge=10, description="Most leaves of a shrub, times detail")
     max_tree_leaves: int = Field(26000, ge=10, description="Most leaves of a tree, times detail")

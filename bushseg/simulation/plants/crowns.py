@@ -33,7 +33,8 @@ def foliage(
         area: One-sided leaf area, square metres.
         most: The most leaves there may be.
         start: Leaves grow from this share of a twig on.
-        spread: Standard deviation of places off the twig: side shoots too small to be drawn, metres.
+        spread: Standard deviation of places off the twig, for shoots too small to be drawn,
+            metres.
         lowest: Leaves don't grow below this height, metres.
     """
     number, scale = number_and_scale(area, kind, most)

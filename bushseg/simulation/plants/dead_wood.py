@@ -26,8 +26,8 @@ def grow_dead_wood(
 ) -> Plant:
     """Make a piece of dead wood.
 
-    Snags, logs and stumps are stems, class "tree"; heaps of brush are class "bush": cut branches that
-    lie as dense as a bush stands, and that whoever clears bushes would clear as well.
+    Snags, logs and stumps are stems, class "tree"; heaps of brush are class "bush": cut branches
+    that lie as dense as a bush stands, and that whoever clears bushes would clear as well.
 
     Args:
         rng: Source of randomness.
@@ -44,9 +44,14 @@ def _snag(rng: np.random.Generator) -> Mesh:
     height, thick = rng.uniform(2, 10), rng.uniform(0.08, 0.22)
     heading = tilted(rng, UP[None], rng.uniform(0, 8))
     stem = growing(
-        rng, np.array([[0, 0, -0.25]]), heading, np.array([height + 0.25]), np.array([thick]),
-        knots=9, wiggle=0.03,
-    )  # fmt: skip
+        rng,
+        np.array([[0, 0, -0.25]]),
+        heading,
+        np.array([height + 0.25]),
+        np.array([thick]),
+        knots=9,
+        wiggle=0.03,
+    )
     stem = Branches(stem.paths, tapering(np.array([thick]), 9, tip=0.6))
     stubs = sprouting(
         rng, stem, int(rng.integers(4, 16)), start=0.3, angle=(70, 15), length=(0.2, 1.6)

@@ -36,9 +36,7 @@ def _weighty(weights: dict[Kind, float]) -> dict[Kind, float]:
     """Check that weights can be drawn by."""
     values = list(weights.values())
     if not values or min(values) < 0 or not 0 < sum(values) < np.inf:
-        raise ValueError(
-            f"is {dict(weights)}; expected weights of 0 or more, one of them above 0"
-        )
+        raise ValueError(f"is {dict(weights)}; expected weights of 0 or more, one of them above 0")
     return weights
 
 

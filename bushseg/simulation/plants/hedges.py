@@ -62,9 +62,7 @@ def _merged(model: Model) -> Model:
     ]
 
 
-def _clipped(
-    rng: np.random.Generator, config: PlantsConfig, length: float, height: float
-) -> Model:
+def _clipped(rng: np.random.Generator, config: PlantsConfig, length: float, height: float) -> Model:
     """Leaves near the faces of a block, on twigs of upright stems."""
     depth = min(draw(rng, config.hedge_depth), 1.3 * height)
     sides = np.array([length / 2, depth / 2])
@@ -82,9 +80,7 @@ def _clipped(
     places, outward = _thinned(rng, places, outward)
     wood = _hedge_wood(rng, config, sides, height)
     return [
-        Surface(
-            leaves(rng, places, outward, kind, scale), leaf_material(rng, config, HEDGE_LEAF)
-        ),
+        Surface(leaves(rng, places, outward, kind, scale), leaf_material(rng, config, HEDGE_LEAF)),
         Surface(
             join([rods(wood[0], 5), rods(wood[1], 3), blades(rng, wood[2])]),
             SHRUB_BARK[rng.integers(len(SHRUB_BARK))],

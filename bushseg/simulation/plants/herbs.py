@@ -87,7 +87,9 @@ def _stand(
         count = int(chosen.sum())
         high = heights[chosen] / typical * rng.uniform(0.75, 1.2, count)
         wide = high**0.5
-        angles = np.column_stack([rng.uniform(0, 2 * np.pi, count), rng.normal(0, 0.08, (count, 2))])
+        angles = np.column_stack(
+            [rng.uniform(0, 2 * np.pi, count), rng.normal(0, 0.08, (count, 2))]
+        )
         turns = Rotation.from_euler("ZYX", angles).as_matrix()
         parts.append(instances(variant, roots[chosen], turns, np.stack([wide, wide, high], axis=1)))
     return join(parts)
@@ -113,9 +115,15 @@ def _frond(rng: np.random.Generator, height: float) -> Mesh:
     feet = np.column_stack([rng.normal(0, 0.03, (number, 2)), np.zeros(number)])
     headings = tilted(rng, np.tile(UP, (number, 1)), rng.uniform(15, 45, number))
     stalks = growing(
-        rng, feet, headings, np.full(number, 1.35 * height), np.full(number, 0.003), knots=5,
-        rise=-1.1, wiggle=0.06,
-    )  # fmt: skip
+        rng,
+        feet,
+        headings,
+        np.full(number, 1.35 * height),
+        np.full(number, 0.003),
+        knots=5,
+        rise=-1.1,
+        wiggle=0.06,
+    )
     pairs = 9
     t = np.tile(np.linspace(0.25, 0.98, pairs), number)
     places, axes, _ = stalks.at(np.arange(number).repeat(pairs), t)
@@ -138,9 +146,14 @@ def _dock(rng: np.random.Generator, height: float) -> Mesh:
     feet = np.column_stack([rng.normal(0, 0.02, (number, 2)), np.zeros(number)])
     headings = tilted(rng, np.tile(UP, (number, 1)), rng.uniform(10, 60, number))
     stalks = growing(
-        rng, feet, headings, height * rng.uniform(0.6, 1.1, number), np.full(number, 0.004),
-        knots=3, rise=-0.7,
-    )  # fmt: skip
+        rng,
+        feet,
+        headings,
+        height * rng.uniform(0.6, 1.1, number),
+        np.full(number, 0.004),
+        knots=3,
+        rise=-0.7,
+    )
     middle, axes, _ = stalks.at(np.arange(number), np.full(number, 0.4))
     end = stalks.paths[:, -1]
     across = np.cross(axes, tilted(rng, axes, 90))
@@ -162,7 +175,7 @@ def _umbel(rng: np.random.Generator, height: float) -> Mesh:
     places = tops.repeat(5, axis=0)
     places = places + rng.normal(0, 1, places.shape) * (0.04, 0.04, 0.006)
     flowers = leaves(rng, places, places - places.mean(axis=0), LeafKind(0.05, 0.9, "planophile"))
-    foot = np.zeros((8, 3)) + (0, 0, 0.1 * height)
+    foot = np.tile(0.1 * height * UP, (8, 1))
     out = tilted(rng, np.tile(UP, (8, 1)), 60)
     low = leaves(rng, foot, 3 * out, LeafKind(0.3 * height, 0.5, "plagiophile"))
     return join([blades(rng, stem), blades(rng, forks), flowers, low])

@@ -44,7 +44,8 @@ class LeafKind:
 
 def inclinations(rng: np.random.Generator, angles: LeafAngles, number: int) -> FloatArray:
     """Draw angles (N,) between leaves and the horizontal, radians."""
-    cumulated = np.cumsum(DENSITIES[angles])
+    density = DENSITIES[angles]
+    cumulated = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     drawn: FloatArray = np.interp(rng.uniform(0, cumulated[-1], number), cumulated, _THETA)
     return drawn
 

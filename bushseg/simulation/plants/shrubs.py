@@ -10,6 +10,7 @@ from bushseg.simulation.mesh import Model, Surface, join
 from bushseg.simulation.plants.branches import (
     Branches,
     blades,
+    fitting,
     reaching,
     rods,
     sprouting,
@@ -150,7 +151,7 @@ def shrub_wood(
     branches = sprouting(
         rng,
         join_branches(stems, limbs),
-        int(np.clip(170 * size**0.6 * build.twigs * np.sqrt(detail), 40, 420)),
+        int(np.clip(170 * size**0.6 * build.twigs * np.sqrt(detail), 40, 320)),
         start=0.3,
         angle=(45, 15),
         length=(0.12 * size, 0.3 * size),
@@ -159,12 +160,15 @@ def shrub_wood(
     twigs = sprouting(
         rng,
         branches,
-        int(np.clip(650 * size**0.7 * build.twigs * detail, 60, 4000)),
+        int(np.clip(650 * size**0.7 * build.twigs * detail, 60, 2500 * detail)),
         start=0.15,
         angle=(40, 15),
         length=(0.05 + 0.03 * size, 0.12 + 0.09 * size),
         knots=2,
     )
+    factors = fitting(twigs, half, 0.97 * height)
+    fitted = (part.scaled(factors) for part in (stems, limbs, branches, twigs))
+    stems, limbs, branches, twigs = fitted
     return stems, limbs, branches, twigs
 
 

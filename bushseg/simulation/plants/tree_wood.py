@@ -9,6 +9,7 @@ from bushseg.points import FloatArray
 from bushseg.simulation.plants.branches import (
     UP,
     Branches,
+    fitting,
     growing,
     reaching,
     sprouting,
@@ -84,8 +85,13 @@ def tree_wood(rng: np.random.Generator, build: Form, size: TreeSize, detail: flo
         knots=5 if hanging else 2,
         rise=build.droop,
     )
-    twigs = _above_ground(twigs)
-    return TreeWood(stems, boughs, _above_ground(branches), twigs)
+    factors = fitting(twigs, size.half, 0.98 * size.height)
+    return TreeWood(
+        stems.scaled(factors),
+        boughs.scaled(factors),
+        _above_ground(branches.scaled(factors)),
+        _above_ground(twigs.scaled(factors)),
+    )
 
 
 def _stems(rng: np.random.Generator, build: Form, size: TreeSize) -> Branches:

@@ -1,0 +1,219 @@
+"""All that is asked of a labeler, printed: the worst figures first."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from calibration import reliability
+from judging import BUSH, BUSH_LABEL, NAMES, Judged, Labeler, read_scan
+from objects import LOW, Verdict, held_out_objects, judge_objects, score_objects
+from real_scans import GROUPS, SOURCES, Source
+from scoring import BANDS, bush_by_band, class_confusion, group_confusion, shares
+from tables import print_table
+
+from bushseg.errors import DataError
+from bushseg.io import find_scans
+
+
+@dataclass
+class Report:
+    """Figures of several labelers, gathered first and printed together.
+
+    Attributes:
+        labelers: Who is judged; their names head the columns.
+        summary: What is measured, to one figure a labeler; all of them good when high.
+    """
+
+    labelers: Sequence[Labeler]
+    summary: dict[str, list[float]] = field(default_factory=dict)
+
+    def note(self, measure: str, value: float) -> None:
+        """Add a labeler's figure to the summary; labelers come in their order."""
+        self.summary.setdefault(measure, []).append(value)
+
+    def print_summary(self) -> None:
+        """Print the summary, what the first labeler is worst at first."""
+        rows = sorted(self.summary.items(), key=lambda item: np.nan_to_num(item[1][0], nan=2.0))
+        header = ["measure", *(labeler.name for labeler in self.labelers)]
+        print_table("Summary, the worst first", header, [[name, *values] for name, values in rows])
+
+    def judge_source(self, source: Source, data: Path) -> None:
+        """Judge one collection of real scans."""
+        for labeler, judged in self._judge(source.scans(data)):
+            confusion = group_confusion(judged, source)
+            for group, iou in zip(GROUPS, confusion.iou.tolist(), strict=True):
+                if confusion.support[GROUPS.index(group)]:
+                    self.note(f"{source.name}: IoU of {group}", iou)
+            print_table(
+                f"{source.name}, {labeler.name}: by group",
+                ["group", "points", "IoU", "precision", "recall"],
+                zip(
+                    GROUPS,
+                    confusion.support.tolist(),
+                    confusion.iou.tolist(),
+                    confusion.precision.tolist(),
+                    confusion.recall.tolist(),
+                    strict=True,
+                ),
+            )
+            rows = [
+                (name, judged.predictions[np.isin(judged.codes, _codes(source.names, name))])
+                for name in dict.fromkeys(source.names.values())
+            ]
+            rows = [row for row in rows if len(row[1])]
+            _print_shares(f"{source.name}, {labeler.name}: true class, and what it is called", rows)
+            plants = np.isin(judged.codes, _codes(source.groups, "vegetation"))
+            rows = [
+                (str(band), judged.predictions[plants & band.mask(judged.columns["height"])])
+                for band in BANDS["height"]
+            ]
+            _print_shares(f"{source.name}, {labeler.name}: vegetation by height above ground", rows)
+
+    def judge_objects(self, data: Path) -> None:
+        """Judge the held-out single objects."""
+        paths = held_out_objects(data)
+        for labeler in self.labelers if paths else ():
+            alone = judge_objects(labeler, paths, grounded=False)
+            grounded = judge_objects(labeler, paths, grounded=True)
+            low = [verdict for verdict in grounded if verdict.height <= LOW]
+            for where, verdicts in (
+                ("", alone),
+                (" (on made-up ground)", grounded),
+                (f" (on made-up ground, up to {LOW:g} m)", low),
+            ):
+                scores = score_objects(verdicts)
+                self.note(f"vle{where}: bush IoU", scores.bush_iou)
+                self.note(f"vle{where}: tree IoU", scores.tree_iou)
+                self.note(f"vle{where}: bushes and hedges by majority", scores.bushes_right)
+                self.note(f"vle{where}: trees by majority", scores.trees_right)
+            _print_verdicts(labeler.name, alone, grounded)
+
+    def judge_simulated(self, paths: Sequence[Path]) -> None:
+        """Judge simulated scans, whose labels are exact."""
+        for labeler, judged in self._judge(paths):
+            confusion = class_confusion(judged)
+            for name, iou in zip(NAMES, confusion.iou.tolist(), strict=True):
+                self.note(f"simulated: IoU of {name}", iou)
+            self.note("simulated: mIoU", confusion.miou)
+            print_table(
+                f"Simulated, {labeler.name}: by class",
+                ["class", "points", "IoU", "precision", "recall"],
+                zip(
+                    NAMES,
+                    confusion.support.tolist(),
+                    confusion.iou.tolist(),
+                    confusion.precision.tolist(),
+                    confusion.recall.tolist(),
+                    strict=True,
+                ),
+            )
+            for column, unit in (
+                ("range", "m"),
+                ("density", "points in 0.5 m cube"),
+                ("height", "m"),
+            ):
+                print_table(
+                    f"Simulated, {labeler.name}: bush by {column}",
+                    [f"{column}, {unit}", "bush points", "precision", "recall", "IoU"],
+                    bush_by_band(judged, column),
+                )
+            _print_calibration(f"Simulated, {labeler.name}", judged)
+
+    def _judge(self, paths: Sequence[Path]) -> Iterable[tuple[Labeler, Judged]]:
+        """Read each scan once, and show it to every labeler."""
+        parts: list[list[Judged]] = [[] for _ in self.labelers]
+        for path in paths:
+            scan = read_scan(path)
+            for found, labeler in zip(parts, self.labelers, strict=True):
+                found.append(Judged.of(labeler, scan))
+        for found, labeler in zip(parts, self.labelers, strict=True):
+            if found:
+                yield labeler, Judged.joined(found)
+
+
+def report(
+    labelers: Sequence[Labeler], data: Path | None, simulated: Sequence[Path], only: Sequence[str]
+) -> Report:
+    """Judge labelers on everything, or on what `only` names, and print it.
+
+    Args:
+        labelers: Who is judged.
+        data: Folder of the real scans; None: none.
+        simulated: Simulated scans or their folders.
+        only: Names of real sources, "vle" or "simulated"; everything if empty.
+
+    Raises:
+        DataError: Nothing was found to judge by.
+    """
+    result = Report(labelers)
+    if data is not None:
+        for source in SOURCES.values():
+            if not only or source.name in only:
+                result.judge_source(source, data)
+        if not only or "vle" in only:
+            result.judge_objects(data)
+    if simulated and (not only or "simulated" in only):
+        result.judge_simulated(find_scans(simulated))
+    if not result.summary:
+        raise DataError(f"{data}: no scan to judge by; expected frames/, ign/, odm/ or vle/ in it")
+    result.print_summary()
+    return result
+
+
+def _codes(names: Mapping[int, str], name: str) -> list[int]:
+    """The codes that mean something."""
+    return [code for code, own in names.items() if own == name]
+
+
+def _print_shares(title: str, rows: Sequence[tuple[str, np.ndarray]]) -> None:
+    print_table(
+        title,
+        ["", "points", *NAMES],
+        [[name, len(predictions), *shares(predictions).tolist()] for name, predictions in rows],
+    )
+
+
+def _print_verdicts(name: str, alone: Sequence[Verdict], grounded: Sequence[Verdict]) -> None:
+    """One row an object: how much of it is called bush, and what it is by majority."""
+    rows = [
+        [one.name, one.truth or "-", one.height, int(one.counts.sum())]
+        + [value for verdict in (one, two) for value in (verdict.share, verdict.majority)]
+        for one, two in zip(alone, grounded, strict=True)
+    ]
+    rows.sort(key=lambda row: (str(row[1]), str(row[0])))
+    print_table(
+        f"vle, {name}: held-out objects, each by itself",
+        [
+            "object",
+            "truth",
+            "height, m",
+            "points",
+            "bush",
+            "majority",
+            "bush, on ground",
+            "majority",
+        ],
+        rows,
+    )
+
+
+def _print_calibration(title: str, judged: Judged) -> None:
+    """ECE of the confidence and of each class's probability, and the reliability of bush."""
+    labels = BUSH.encode(judged.codes).labels
+    known = labels >= 0
+    labels, probabilities = labels[known], judged.probabilities[known]
+    top = reliability(probabilities.max(axis=1), probabilities.argmax(axis=1) == labels)
+    classes = [reliability(probabilities[:, c], labels == c) for c in range(len(NAMES))]
+    rows = [["confidence", top.ece], *zip(NAMES, (one.ece for one in classes), strict=True)]
+    print_table(f"{title}: expected calibration error", ["probability of", "ECE"], rows)
+    bush = classes[BUSH_LABEL]
+    print_table(
+        f"{title}: reliability of the bush probability",
+        ["mean probability", "points", "are bush"],
+        [
+            [float(said), int(count), float(true)]
+            for said, count, true in zip(bush.confidence, bush.counts, bush.accuracy, strict=True)
+            if count
+        ],
+    )

@@ -1,0 +1,41 @@
+"""What models do on scans they never saw: real ones first, then simulated ones.
+
+    python benchmarks/transfer.py ../shared/data --model runs/NAME [--model MODEL ...]
+        [--simulated SITES ...] [--only frames,ign,odm,vle,simulated]
+
+Which real scans may train and which judge is settled in `real_scans.py`; only the latter are read.
+The summary at the end begins with what the first model is worst at.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+from judging import Network
+from reporting import report
+
+
+def main() -> None:
+    """Judge and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("data", type=Path, help="folder of the real scans")
+    parser.add_argument("--model", action="append", required=True, help="a model or a run")
+    parser.add_argument(
+        "--simulated", type=Path, nargs="+", default=[], help="simulated scans, or their folders"
+    )
+    parser.add_argument("--only", default="", help="frames, ign, odm, vle, simulated; all")
+    options = parser.parse_args()
+    begun = time.perf_counter()
+    networks = [Network(source) for source in options.model]
+    for network in networks:
+        prepare = network.model.card.prepare
+        print(f"{network.name}: voxels of {prepare.voxel_size} m, {network.model.path}")
+    only = [name for name in options.only.split(",") if name]
+    report(networks, options.data, options.simulated, only)
+    print(f"\n{time.perf_counter() - begun:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

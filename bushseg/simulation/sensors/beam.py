@@ -8,48 +8,65 @@ from numpy.typing import NDArray
 from bushseg.points import FloatArray
 from bushseg.simulation.sensors.figures import Figures
 
+EVENNESS = 0.01
+"""A surface's ranges bend by less than so much, as a share of 1 m and the range, ray to ray."""
 
-def sub_rays(
+
+def ring(
     rng: np.random.Generator, origins: FloatArray, directions: FloatArray, figures: Figures
 ) -> tuple[FloatArray, FloatArray]:
-    """Split each beam into rays that carry equal shares of its light.
+    """Rays around the middle one of each beam, which with it carry equal shares of its light.
 
-    The first runs in the middle, the others around it, at the median of the rest of a Gaussian
-    beam whose width (at 1/e^2) is the exit diameter and grows by the divergence.
+    They run at the median of what a Gaussian beam has outside the middle one's share; the beam's
+    width (at 1/e^2) is the exit diameter and grows by the divergence.
 
     Args:
         rng: Turns the ring, so that it looks alike in no two beams.
         origins: Where M beams start, metres, shape (M, 3).
         directions: Unit vectors, shape (M, 3).
-        figures: `sub_rays` (S), `exit_diameter` and `divergence`.
+        figures: `sub_rays` (S, at least 2), `exit_diameter` and `divergence`.
 
     Returns:
-        Origins and directions, each (M, S, 3), float64. Directions are no longer than the beam's
-        along the beam, so that distances along either are the same.
+        Origins and directions, each (M, S - 1, 3), float64. A direction reaches as far along the
+        beam as the beam's own, so that distances along either are the same.
     """
     number = figures.sub_rays
-    if number == 1:
-        return origins[:, None], directions[:, None]
     u, v = across(directions)
-    ring = np.sqrt(-np.log((number - 1) / (2 * number)) / 2)
-    angles = rng.uniform(0, 2 * np.pi, (len(directions), 1))
-    angles = angles + np.arange(number - 1) * (2 * np.pi / (number - 1))
-    offsets = ring * (
-        np.cos(angles)[..., None] * u[:, None] + np.sin(angles)[..., None] * v[:, None]
-    )
-    offsets = np.concatenate([np.zeros_like(offsets[:, :1]), offsets], axis=1)  # (M, S, 3)
+    radius = np.sqrt(-np.log((number - 1) / (2 * number)) / 2)
+    angles = rng.uniform(0, 2 * np.pi, (len(directions), 1, 1))
+    angles = angles + np.arange(number - 1)[:, None] * (2 * np.pi / (number - 1))
+    offsets = radius / 2 * (np.cos(angles) * u[:, None] + np.sin(angles) * v[:, None])
     return (
-        origins[:, None] + figures.exit_diameter / 2 * offsets,
-        directions[:, None] + figures.divergence / 2000 * offsets,
+        origins[:, None] + figures.exit_diameter * offsets,
+        directions[:, None] + figures.divergence / 1000 * offsets,
     )
+
+
+def near_edges(ranges: FloatArray) -> NDArray[np.bool_]:
+    """Rays whose range doesn't lie in line with those sent before and after, (M,).
+
+    Args:
+        ranges: Metres, inf for nothing, in the order of sending, shape (M,).
+    """
+    before, after = np.roll(ranges, 1), np.roll(ranges, -1)
+    with np.errstate(invalid="ignore"):  # inf - inf, where nothing is struck
+        bend = np.abs(before - 2 * ranges + after)
+        smooth = bend < EVENNESS * (1 + ranges)
+    empty = np.isinf(before) & np.isinf(ranges) & np.isinf(after)
+    return ~(smooth | empty)
 
 
 def across(directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors, (M, 3) each, square to each of `directions` (M, 3) and to each other."""
-    reference = np.where(np.abs(directions[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    u = np.cross(directions, reference)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    return u, np.cross(directions, u)
+    """Two unit vectors, (M, 3) each, square to each of `directions` (M, 3) and to each other.
+
+    Duff et al., "Building an Orthonormal Basis, Revisited" (2017).
+    """
+    x, y, z = directions.T
+    sign = np.copysign(1.0, z)
+    a = -1 / (sign + z)
+    b = x * y * a
+    u = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
+    return u, np.stack([b, sign + y * y * a, -y], axis=1)
 
 
 @dataclass(frozen=True, slots=True)

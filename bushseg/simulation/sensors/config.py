@@ -15,6 +15,7 @@ from bushseg.simulation.sensors.figures import (
     Kind,
     Lidar,
     Scaling,
+    Split,
 )
 
 
@@ -89,6 +90,11 @@ class SensorConfig(Section):
     )
     sub_rays: int | None = Field(
         None, ge=1, le=31, description="Rays that stand for a beam; 1: a line without width"
+    )
+    split: Split | None = Field(
+        None,
+        description="Which beams are cast as several rays: all, or those whose range doesn't lie "
+        "in line with those before and after (edges), which is quicker where beams lie far apart",
     )
     range_resolution: float | None = Field(
         None, ge=0, le=10, description="Things nearer to each other become one return, metres"

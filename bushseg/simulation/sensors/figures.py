@@ -10,6 +10,7 @@ from bushseg.points import FloatArray
 Kind = Literal["tripod", "phase", "mobile", "spinning", "vehicle", "uav", "airborne"]
 Lidar = Literal["vlp-16", "hdl-32e", "hdl-64e", "os1-64", "os1-128"]
 Echo = Literal["all", "strongest", "last"]
+Split = Literal["edges", "all"]
 Scaling = Literal["corrected", "raw"]
 
 
@@ -36,6 +37,7 @@ class Figures:
     exit_diameter: float = 0.01
     divergence: float = 1.0
     sub_rays: int = 5
+    split: Split = "edges"
     range_resolution: float = 0.5
     echo: Echo = "strongest"
     max_returns: int = 1
@@ -59,7 +61,7 @@ PRESETS: dict[Kind, Figures] = {
     # or 0.5 m) is ours.
     "tripod": Figures(
         sensor_height=1.7,
-        angular_step=0.32,
+        angular_step=0.33,
         lowest_angle=-40.0,
         highest_angle=60.0,
         exit_diameter=0.007,
@@ -72,7 +74,6 @@ PRESETS: dict[Kind, Figures] = {
         reach=280.0,
         range_noise=0.003,
         noise_range=100.0,
-        angular_noise=0.0005,
         registration_noise=0.004,
     ),
     # FARO Focus S 150, compares phases: 300 degrees about a level axis (-60 to 90), 2.1 mm at the
@@ -80,7 +81,7 @@ PRESETS: dict[Kind, Figures] = {
     # beam is averaged over much longer than a pulse; its filters drop what is farther apart.
     "phase": Figures(
         sensor_height=1.7,
-        angular_step=0.32,
+        angular_step=0.33,
         lowest_angle=-60.0,
         highest_angle=90.0,
         exit_diameter=0.0021,
@@ -106,7 +107,7 @@ PRESETS: dict[Kind, Figures] = {
         registration_noise=0.03,
     ),
     # One turn of a LiDAR on a robot or car, as the car sees it.
-    "spinning": Figures(sensor_height=1.6, sway=0.5, bob=0.01),
+    "spinning": Figures(sensor_height=1.6, sway=0.5, bob=0.01, split="all"),
     # The same, driven along the path and put together.
     "vehicle": Figures(
         sensor_height=1.9, turn_spacing=1.0, sway=0.5, bob=0.01, sub_rays=3, registration_noise=0.04
@@ -121,6 +122,7 @@ PRESETS: dict[Kind, Figures] = {
         exit_diameter=0.01,
         divergence=0.9,
         sub_rays=7,
+        split="all",
         range_resolution=0.5,
         echo="all",
         max_returns=5,
@@ -144,6 +146,7 @@ PRESETS: dict[Kind, Figures] = {
         exit_diameter=0.02,
         divergence=0.25,
         sub_rays=7,
+        split="all",
         range_resolution=0.6,
         echo="all",
         max_returns=7,

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from bushseg.geometry import open3d
 from bushseg.points import FloatArray
 from bushseg.simulation.scene import Scene
-from bushseg.simulation.sensors.beam import Echoes, across, counts, group, ranks, select, sub_rays
+from bushseg.simulation.sensors.beam import (
+    Echoes,
+    across,
+    counts,
+    group,
+    near_edges,
+    ranks,
+    ring,
+    select,
+)
 from bushseg.simulation.sensors.config import SensorConfig
 from bushseg.simulation.sensors.daylight import Daylight
 from bushseg.simulation.sensors.figures import Figures
@@ -122,19 +131,11 @@ def _scan_batch(
     """What comes back of one batch."""
     figures = config.figures
     aims = _deflected(rng, rays.directions, figures)
-    origins, directions = sub_rays(rng, rays.origins, aims, figures)
-    shape = directions.shape[:2]
-    ranges, part, normals = struck.cast(origins.reshape(-1, 3), directions.reshape(-1, 3))
-    cosine = np.abs(np.einsum("ij,ij->i", normals, directions.reshape(-1, 3)))
-    echoes = group(
-        ranges.reshape(shape),
-        struck.reflectance[part].reshape(shape),
-        np.minimum(cosine, 1).reshape(shape),
-        figures.range_resolution,
-    )
+    ranges, part, cosine, normals = _strike(rng, struck, rays.origins, aims, figures)
+    echoes = group(ranges, struck.reflectance[part], cosine, figures.range_resolution)
     echoes = select(echoes.take(_seen(rng, echoes, figures)), figures)
 
-    beam, thing = echoes.beam, part[echoes.strongest]
+    beam, thing = echoes.beam, part.ravel()[echoes.strongest]
     number = len(echoes)
     growth = np.sqrt(
         (1 + (echoes.range / figures.noise_range) ** 2) / np.maximum(echoes.cosine, 0.1)
@@ -147,7 +148,7 @@ def _scan_batch(
             struck.caster,
             struck.color[thing],
             where,
-            normals[echoes.strongest].astype(np.float64),
+            normals.reshape(-1, 3)[echoes.strongest].astype(np.float64),
             echoes.range,
             rays.station,
         )
@@ -165,6 +166,39 @@ def _scan_batch(
         ray=beam,
         num_rays=len(rays),
     )
+
+
+def _strike(
+    rng: np.random.Generator,
+    struck: _Struck,
+    origins: FloatArray,
+    aims: FloatArray,
+    figures: Figures,
+) -> tuple[FloatArray, NDArray[np.intp], FloatArray, NDArray[np.float32]]:
+    """What M beams strike with each of their S rays: the middle one and those around it.
+
+    Returns:
+        Ranges in metres, inf for nothing, parts, cosines of incidence, each (M, S), and normals,
+        (M, S, 3).
+    """
+    ranges, part, normals = struck.cast(origins, aims)
+    cosine = np.abs(np.einsum("ij,ij->i", normals, aims))
+    # A beam that isn't split strikes with all its rays what the middle one does.
+    all_ranges = np.repeat(ranges[:, None], figures.sub_rays, axis=1)
+    all_parts = np.repeat(part[:, None], figures.sub_rays, axis=1)
+    all_cosines = np.repeat(cosine[:, None], figures.sub_rays, axis=1)
+    all_normals = np.repeat(normals[:, None], figures.sub_rays, axis=1)
+    if figures.sub_rays > 1:
+        split = np.flatnonzero(near_edges(ranges)) if figures.split == "edges" else slice(None)
+        starts, directions = ring(rng, origins[split], aims[split], figures)
+        around = directions.shape[:2]
+        ranges, part, normals = struck.cast(starts.reshape(-1, 3), directions.reshape(-1, 3))
+        cosine = np.abs(np.einsum("ij,ij->i", normals, directions.reshape(-1, 3)))
+        all_ranges[split, 1:] = ranges.reshape(around)
+        all_parts[split, 1:] = part.reshape(around)
+        all_cosines[split, 1:] = cosine.reshape(around)
+        all_normals[split, 1:] = normals.reshape(*around, 3)
+    return all_ranges, all_parts, np.minimum(all_cosines, 1), all_normals
 
 
 def _deflected(rng: np.random.Generator, directions: FloatArray, figures: Figures) -> FloatArray:

@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bushseg.simulation.sensors.beam import across, counts, group, ranks, select, sub_rays
+from bushseg.simulation.sensors.beam import (
+    across,
+    counts,
+    group,
+    near_edges,
+    ranks,
+    ring,
+    select,
+)
 from bushseg.simulation.sensors.figures import Figures
 
 INF = np.inf
@@ -63,27 +71,28 @@ def test_no_light_is_lost_or_made(rows):
         assert (np.diff(echoes.range[echoes.beam == beam]) > 0.5).all()
 
 
-def test_one_sub_ray_is_the_beam_itself():
-    directions = np.array([(1.0, 0, 0), (0, 0, 1.0)])
-    figures = Figures(sub_rays=1)
-    origins, found = sub_rays(np.random.default_rng(0), np.zeros((2, 3)), directions, figures)
-    np.testing.assert_array_equal(found, directions[:, None])
-    np.testing.assert_array_equal(origins, np.zeros((2, 1, 3)))
-
-
 def test_the_footprint_grows_as_the_divergence_says():
     figures = Figures(sub_rays=7, exit_diameter=0.01, divergence=2.0)
     directions = np.array([(0.6, 0.8, 0.0), (0.0, 0.0, -1.0)])
-    rng = np.random.default_rng(0)
-    origins, found = sub_rays(rng, np.zeros((2, 3)), directions, figures)
-    # The ring holds the outer six sevenths of a Gaussian beam: half of them within its radius.
+    origins, around = ring(np.random.default_rng(0), np.zeros((2, 3)), directions, figures)
+    assert around.shape == (2, 6, 3)
+    # The ring stands for the outer six sevenths of a Gaussian beam: half of them lie within it.
     share = np.sqrt(-np.log(3 / 7) / 2)
     for distance in (0.0, 100.0):
-        spot = origins + distance * found
-        np.testing.assert_allclose(spot[:, 0], distance * directions)
-        radii = np.linalg.norm(spot[:, 1:] - spot[:, :1], axis=2)
+        spot = origins + distance * around
+        radii = np.linalg.norm(spot - distance * directions[:, None], axis=2)
         np.testing.assert_allclose(radii, share * (0.01 + 0.002 * distance) / 2)
         np.testing.assert_allclose(spot.mean(axis=1), distance * directions, atol=1e-12)
+        np.testing.assert_allclose(np.einsum("ijk,ik->ij", spot, directions), distance, atol=1e-12)
+
+
+def test_edges_are_where_ranges_bend():
+    level = 1.5 / np.sin(np.radians(np.arange(10.0, 30.0, 0.3)))  # ground below a tripod
+    assert not near_edges(level)[1:-1].any()
+    assert near_edges(np.array([5.0, 5, 5, 6, 6, 6])).tolist()[1:-1] == [False, True, True, False]
+    assert near_edges(np.array([INF, INF, INF, 6, 6, 6, INF])).tolist() == [
+        *(False, False, True, True, False, True, True)
+    ]
 
 
 def test_across_is_square_to_the_beam():

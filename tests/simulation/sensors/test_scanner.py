@@ -15,6 +15,7 @@ EXACT = {
     "color_noise": 0,
     "dropout": 0,
     "sub_rays": 1,
+    "split": "all",
     "reach": 1e6,
     "intensity": "corrected",
 }

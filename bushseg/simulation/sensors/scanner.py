@@ -174,7 +174,7 @@ def _strike(
     origins: FloatArray,
     aims: FloatArray,
     figures: Figures,
-) -> tuple[FloatArray, NDArray[np.intp], FloatArray, NDArray[np.float32]]:
+) -> tuple[FloatArray, NDArray[np.intp], FloatArray, FloatArray]:
     """What M beams strike with each of their S rays: the middle one and those around it.
 
     Returns:

@@ -80,18 +80,34 @@ class EpochBatches:
         if self._config.fresh_crops:
             return list(range(self._dataset.num_fresh(self._tiles)))
         wanted = set(self._tiles)
-        crops = [n for n, tile in enumerate(self._dataset.crop_tiles) if tile in wanted]
+        data = self._dataset
+        # A crop without a label teaches nothing: most have none where
+        # a few bushes were painted.
+        crops = [
+            number
+            for number, tile in enumerate(data.crop_tiles)
+            if tile in wanted and data.crop_labelled[number]
+        ]
         order = generator(self._config.seed, self._epoch).permutation(len(crops))
         return [crops[index] for index in order]
 
     def _fresh(self, first: int) -> Iterator[Sample]:
-        """Crops drawn anew for this epoch; those of steps already done are passed over."""
+        """Crops drawn anew for this epoch; those of steps already done are passed over.
+
+        So are crops without a label. As each draw takes the point least seen, labelled ones come.
+        """
         rng = generator(self._config.seed, self._epoch)
         sampler = self._dataset.sampler(self._tiles, rng)
         skipped = first * self._config.batch_size
-        for number, crop in enumerate(sampler.draws(self.num_crops)):
+        number = 0
+        while number < self.num_crops:
+            crop = sampler.draw()
+            tile = self._tiles[crop.tile]
+            if not (self._dataset.tile(tile).labels[crop.indices] >= 0).any():
+                continue
             if number >= skipped:
-                yield self._dataset.fresh_sample(self._tiles[crop.tile], crop.indices)
+                yield self._dataset.fresh_sample(tile, crop.indices)
+            number += 1
 
     def _batch(self, step: int, fresh: Iterator[Sample] | None) -> tuple[Batch, Tensor]:
         spacing = self._dataset.config.voxel_size

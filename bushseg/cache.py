@@ -21,7 +21,7 @@ from bushseg.files import atomic_path
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import TileData
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Changes whenever prepared data of one version would be misread by another."""
 
 KEY_DIGITS = 16

@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from bushseg.config import NetworkConfig, PrepareConfig, Section
+from bushseg.config import NetworkConfig, Positive, PrepareConfig, Section, Share
 from bushseg.errors import CheckpointError, ConfigError
 from bushseg.features import FEATURES
 from bushseg.files import atomic_path
@@ -44,6 +44,23 @@ class ModelCard(Section):
     )
     metrics: dict[str, float | None] = Field(
         default_factory=dict, description="On the held-out split, at the epoch it was saved"
+    )
+    temperature: Positive = Field(
+        1.0, description="Logits are divided by it, so that confidence means something"
+    )
+    confidence: Share | None = Field(
+        None, description="Mean confidence on the held-out split; None where nothing was held out"
+    )
+    heights: tuple[float, float] | None = Field(
+        None,
+        description="Heights above ground in its data, metres: least 1 % and greatest 99 % "
+        "quantile of a tile",
+    )
+    low_share: Share | None = Field(
+        None, description="Least share of a scan's voxels that lie near the ground, in its data"
+    )
+    pretrained: str | None = Field(
+        None, description="The model whose weights it began with, by name and SHA-256"
     )
 
     @model_validator(mode="after")
@@ -148,14 +165,34 @@ def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Te
     Raises:
         CheckpointError: As :func:`load_model`.
     """
+    metadata, tensors = _read(path, with_tensors=True)
+    return *_parse(path, metadata), tensors
+
+
+def read_card(path: str | Path) -> ModelCard:
+    """Read what a model is, and none of its weights.
+
+    Raises:
+        CheckpointError: As :func:`load_model`.
+    """
+    metadata, _ = _read(Path(path), with_tensors=False)
+    return _parse(Path(path), metadata)[0]
+
+
+def _read(path: Path, *, with_tensors: bool) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """A file's metadata, and its tensors if they are wanted."""
     if not path.is_file():
         raise CheckpointError(f"{path}: no such file; `bushseg models` lists the models there are")
     try:
         with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            names = file.keys() if with_tensors else ()
+            return file.metadata() or {}, {name: file.get_tensor(name) for name in names}
     except (OSError, SafetensorError, ValueError) as error:
         raise CheckpointError(f"{path}: is no intact safetensors file ({error})") from error
+
+
+def _parse(path: Path, metadata: Mapping[str, str]) -> tuple[ModelCard, dict[str, Any]]:
+    """The card and the plain training state in a file's metadata."""
     if _CARD not in metadata:
         raise CheckpointError(f"{path}: holds tensors but no model of bushseg's")
     try:
@@ -171,4 +208,4 @@ def load_checkpoint(path: Path) -> tuple[ModelCard, dict[str, Any], dict[str, Te
     unknown = [name for name in card.features if name not in FEATURES]
     if unknown or not card.features:
         raise CheckpointError(f"{path}: wants features {unknown}; known are {', '.join(FEATURES)}")
-    return card, state, tensors
+    return card, state

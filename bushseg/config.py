@@ -23,6 +23,10 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Width = Annotated[int, Field(ge=1, le=4096)]
 
+FINE_TUNING_RATE = 0.001
+"""First learning rate of a network that begins with another's weights: the usual 0.01 would undo
+within some steps what it knows."""
+
 
 class Section(BaseModel):
     """A group of settings: immutable, and strict about names."""
@@ -124,6 +128,10 @@ class TrainConfig(Section):
     class_weights: Literal["sqrt", "inverse", "none"] = Field(
         "sqrt", description="Weight of a class in the loss, by its share f: f^-1/2, 1/f or 1"
     )
+    pretrained: str | None = Field(
+        None,
+        description="Begin with the weights of this model: a name, default, a file or a run",
+    )
     validation: str = Field(
         "auto",
         description="What is held out: auto, scan:NAME[,NAME...], tile (by area) or none",
@@ -137,6 +145,14 @@ class TrainConfig(Section):
     )
     augment: AugmentConfig = AugmentConfig()
     seed: int = Field(0, ge=0, description="Seed of weights, batches and augmentation")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _go_gently(cls, values: Any) -> Any:
+        """A network that knows something is trained at a lower rate unless told otherwise."""
+        if isinstance(values, dict) and values.get("pretrained") is not None:
+            return {"learning_rate": FINE_TUNING_RATE, **values}
+        return values
 
 
 class PredictConfig(Section):

@@ -51,6 +51,7 @@ class TileEntry:
         core_size: Voxels in its core.
         class_counts: Labelled voxels per class in its core.
         neighbor_distance: Median distance to the K-th neighbor, metres.
+        height_profile: Its 1 % and 99 % quantile of height, metres, and the share near the ground.
     """
 
     scan: int
@@ -58,6 +59,7 @@ class TileEntry:
     core_size: int
     class_counts: tuple[int, ...]
     neighbor_distance: float
+    height_profile: tuple[float, float, float]
 
 
 class Dataset:
@@ -70,6 +72,7 @@ class Dataset:
         scans: Each scan's path, as it was given to prepare.
         tiles: All tiles.
         crop_tiles: The tile of each cached crop.
+        crop_labelled: Whether any point of each cached crop has a label.
 
     Args:
         folder: The data set's folder.
@@ -86,7 +89,6 @@ class Dataset:
             self.scheme = ClassScheme.model_validate(values["scheme"])
             self.features = tuple(name for name in FEATURES if name in values["features"])
             self.scans = [str(scan["path"]) for scan in values["scans"]]
-            self._labelled = [bool(scan["has_labels"]) for scan in values["scans"]]
             self.tiles = [
                 TileEntry(
                     scan=number,
@@ -94,12 +96,15 @@ class Dataset:
                     core_size=int(tile["core_size"]),
                     class_counts=tuple(tile["class_counts"]),
                     neighbor_distance=float(tile["neighbor_distance"]),
+                    height_profile=_three(tile["height_profile"]),
                 )
                 for number, scan in enumerate(values["scans"])
                 for index, tile in enumerate(scan["tiles"])
             ]
             self._crops = member(self.folder, values["crops"])
-            self.crop_tiles = [int(tile) for tile in read_json(self._crops / MANIFEST)["tiles"]]
+            drawn = read_json(self._crops / MANIFEST)
+            self.crop_tiles = [int(tile) for tile in drawn["tiles"]]
+            self.crop_labelled = [bool(labelled) for labelled in drawn["labelled"]]
         except (KeyError, TypeError, ValueError, ValidationError) as error:
             reason = str(error).splitlines()[0]
             raise CacheError(
@@ -171,7 +176,7 @@ class Dataset:
     def split(self, config: TrainConfig) -> tuple[list[int], list[int]]:
         """Which tiles train and which are held out: whole scans or whole tiles, never points.
 
-        Tiles of scans without labels are in neither.
+        Tiles without labels are in neither.
 
         Returns:
             Tile indices to train on, and those held out.
@@ -180,7 +185,7 @@ class Dataset:
             ConfigError: `validation` can't be understood or names no scan of the data set.
             DataError: Nothing labelled is left to train on.
         """
-        usable = [n for n, tile in enumerate(self.tiles) if self._labelled[tile.scan]]
+        usable = [n for n, tile in enumerate(self.tiles) if any(tile.class_counts)]
         held = self._held_out(usable, config)
         train = [number for number in usable if number not in held]
         if not train:
@@ -196,7 +201,7 @@ class Dataset:
         rng = np.random.default_rng(config.seed)
         if how.startswith("scan:"):
             wanted = [self._scan(name.strip()) for name in how.removeprefix("scan:").split(",")]
-            if bare := [self.scans[scan] for scan in wanted if not self._labelled[scan]]:
+            if bare := [self.scans[scan] for scan in wanted if scan not in scans]:
                 raise ConfigError(f"validation names {bare[0]}, which has no labels to judge by")
         elif how == "none" or (how == "auto" and len(usable) < 2):
             wanted = []
@@ -230,3 +235,9 @@ class Dataset:
             labels=tile.labels[indices].astype(np.int64),
             pyramid=pyramid,
         )
+
+
+def _three(values: Sequence[float]) -> tuple[float, float, float]:
+    """Exactly three numbers."""
+    first, second, third = map(float, values)
+    return first, second, third

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.calibration import ConfidenceBins
 from bushseg.codes import UNLABELLED, UnknownCodes
 from bushseg.errors import DataError
 from bushseg.files import atomic_path
@@ -41,6 +42,7 @@ class Evaluation:
             without a prediction count as misses.
         num_points: All points, labelled or not.
         num_ignored: Points without a true label.
+        confidence: Labelled points by how sure their prediction was; empty where none says.
         unknown_predictions: Predicted codes the scheme doesn't know: they count as no prediction.
         unknown_truth: True codes the scheme doesn't know: they count as no label.
     """
@@ -49,16 +51,29 @@ class Evaluation:
     confusion: ConfusionMatrix
     num_points: int = 0
     num_ignored: int = 0
+    confidence: ConfidenceBins = field(default_factory=ConfidenceBins)
     unknown_predictions: UnknownCodes = field(default_factory=UnknownCodes)
     unknown_truth: UnknownCodes = field(default_factory=UnknownCodes)
 
     def update(
-        self, predictions: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]]
+        self,
+        predictions: NDArray[np.integer[Any]],
+        labels: NDArray[np.integer[Any]],
+        confidence: NDArray[np.floating[Any]] | None = None,
     ) -> None:
-        """Count more points, as :meth:`ConfusionMatrix.update` takes them."""
+        """Count more points, as :meth:`ConfusionMatrix.update` takes them.
+
+        Args:
+            predictions: Predicted classes, -1 for none, shape (N,).
+            labels: True classes, -1 for unlabelled, shape (N,).
+            confidence: Probability of the predicted classes, NaN where unknown, shape (N,).
+        """
         self.confusion.update(predictions, labels)
         self.num_points += len(labels)
         self.num_ignored += int(np.count_nonzero(labels == UNLABELLED))
+        if confidence is not None:
+            known = (labels != UNLABELLED) & (predictions != UNLABELLED)
+            self.confidence.update(confidence[known], (predictions == labels)[known])
 
     def as_dict(self) -> dict[str, Any]:
         """Give everything as JSON can hold it; scores that are undefined are None."""
@@ -77,6 +92,8 @@ class Evaluation:
             "num_missed": int(self.confusion.missed.sum()),
             "oa": _or_none(self.confusion.oa),
             "miou": _or_none(self.confusion.miou),
+            "ece": _or_none(self.confidence.error),
+            "mean_confidence": _or_none(self.confidence.mean_confidence),
             "classes": classes,
             "confusion": self.confusion.counts.tolist(),
             "missed": self.confusion.missed.tolist(),
@@ -174,8 +191,8 @@ def evaluate(
                 "truth in another column or another file: name it"
             )
         progress.start(f"comparing {Path(prediction).name}", reader.info.num_points, "points")
-        for predictions, labels in in_step(predicted, true):
-            evaluation.update(predictions, true.scheme.translate(labels, scheme))
+        for predictions, labels, confidence in in_step(predicted, true):
+            evaluation.update(predictions, true.scheme.translate(labels, scheme), confidence)
             progress.advance(len(labels))
     evaluation.unknown_predictions, evaluation.unknown_truth = predicted.unknown, true.unknown
     if evaluation.num_ignored == evaluation.num_points:

@@ -23,7 +23,10 @@ COLOR_NAMES = (
 )
 INTENSITY_NAMES = ("intensity", "scalar_Intensity", "scalar_intensity", "reflectance", "i")
 
-_HEIGHT_SCALE = 5.0  # metres: about where bushes end and trees go on
+HEIGHT_SCALE = 5.0  # metres: about where bushes end and trees go on
+NEAR_GROUND = 0.5
+"""Metres above ground up to which a voxel counts as near it."""
+
 _QUANTILE_POINTS = 1_000_000
 
 
@@ -123,5 +126,19 @@ def normalize(
         if high > low:
             scaled = (intensity - middle) / (high - low)
             features["intensity"] = np.clip(scaled, -2, 2).astype(np.float32)[:, None]
-    features["height"] = (height / np.float32(_HEIGHT_SCALE))[:, None]
+    features["height"] = (height / np.float32(HEIGHT_SCALE))[:, None]
     return features
+
+
+def height_profile(height: NDArray[np.float32]) -> tuple[float, float, float]:
+    """How high a scan reaches, and how much of it lies near the ground.
+
+    Args:
+        height: The feature of that name, shape (N, 1), float32; N >= 1.
+
+    Returns:
+        The 1 % and the 99 % quantile in metres, and the share of voxels within `NEAR_GROUND`.
+    """
+    metres = height[:: max(1, len(height) // _QUANTILE_POINTS), 0] * HEIGHT_SCALE
+    low, high = np.quantile(metres, (0.01, 0.99))
+    return float(low), float(high), float((np.abs(metres) <= NEAR_GROUND).mean())

@@ -68,6 +68,6 @@ def tile_logits(
     return logits.float().cpu().numpy()
 
 
-def probabilities(logits: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Softmax over the last axis, (N, C) -> (N, C)."""
-    return torch.softmax(torch.from_numpy(logits), dim=-1).numpy()
+def probabilities(logits: NDArray[np.float32], temperature: float = 1.0) -> NDArray[np.float32]:
+    """Softmax of logits / temperature over the last axis, (N, C) -> (N, C)."""
+    return torch.softmax(torch.from_numpy(logits) / temperature, dim=-1).numpy()

@@ -1,7 +1,6 @@
 """What a scan holds, found by reading all of it."""
 
 import operator
-import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,14 +13,13 @@ from bushseg.errors import ReadError
 from bushseg.features import source_columns
 from bushseg.io import open_scan
 from bushseg.io.base import ScanReader
+from bushseg.io.units import counts_in_feet
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 
 _CELL = 1.0  # metres; density is counted over occupied cells of this edge
 _MAX_CODES = 256
 _BOUNDS_TOLERANCE = 0.01
-# WKT's name of a unit, or the GeoTIFF codes of the international and the US survey foot.
-_FEET = re.compile(r'UNIT\["[^"]*(?:foot|feet|ftUS)|Units=900[23]\b', re.IGNORECASE)
 
 
 @dataclass
@@ -176,7 +174,7 @@ def _faults(
         outside = np.max([stated[0] - found[0], found[1] - stated[1]])
         if outside > _BOUNDS_TOLERANCE:
             yield f"points lie up to {outside:,.2f} outside the bounds that the header states"
-    if report.crs is not None and _FEET.search(report.crs):
+    if counts_in_feet(report.crs):
         yield "the CRS counts in feet; coordinates are taken for metres: reproject the scan first"
 
 

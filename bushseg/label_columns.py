@@ -22,9 +22,12 @@ from bushseg.scheme import ClassScheme
 CLASS_INDEX = "class_index"
 """The column in which a labelled file holds positions in the class scheme."""
 
+CONFIDENCE = "confidence"
+"""The column that says how sure each of those positions is."""
+
 _TOLERANCE = 1e-3  # metres: what writing text or another scale may cost
 _MAX_UNKNOWN_CODES = 65_536
-_Block = tuple[FloatArray, AttributeArray]  # consecutive points: coordinates and values
+_Block = tuple[AttributeArray, ...]  # of consecutive points: coordinates, values, confidences
 _CODE_SUFFIXES = {".label", ".labels"}
 
 
@@ -144,11 +147,14 @@ def is_same_column(predicted: LabelColumn, true: LabelColumn) -> bool:
     return own is not None and own.samefile(ours) and true.name == theirs.label_attribute
 
 
-def in_step(predicted: LabelColumn, true: LabelColumn) -> Iterator[tuple[LabelArray, LabelArray]]:
-    """Walk two columns point by point, as labels in blocks of equal length.
+def in_step(
+    predicted: LabelColumn, true: LabelColumn
+) -> Iterator[tuple[LabelArray, LabelArray, FloatArray]]:
+    """Walk two columns point by point: predictions, labels and confidences in equal blocks.
 
     Both may be columns of one file. Where two files have coordinates they must agree to 1 mm and
     the files' own resolution: comparing points in another order gives scores without a meaning.
+    Confidences are NaN where the predictions have none.
 
     Raises:
         ReadError: A file is damaged.
@@ -156,8 +162,8 @@ def in_step(predicted: LabelColumn, true: LabelColumn) -> Iterator[tuple[LabelAr
     """
     if predicted.reader is true.reader:
         for chunk in true.reader.chunks():
-            attributes = chunk.attributes
-            yield predicted.encode(attributes[predicted.name]), true.encode(attributes[true.name])
+            codes, true_codes = (chunk.attributes[column.name] for column in (predicted, true))
+            yield predicted.encode(codes), true.encode(true_codes), _confidence(predicted, chunk)
         return
     files = f"{predicted.reader.info.path} and {true.reader.info.path}"
     counts = predicted.reader.info.num_points, true.reader.info.num_points
@@ -168,7 +174,8 @@ def in_step(predicted: LabelColumn, true: LabelColumn) -> Iterator[tuple[LabelAr
         )
     tolerance = _TOLERANCE + max(_resolution(predicted.reader), _resolution(true.reader))
     num_done = 0
-    for (xyz, codes), (true_xyz, true_codes) in _aligned(_blocks(predicted), _blocks(true)):
+    for ours, (true_xyz, true_codes, _) in _aligned(_blocks(predicted), _blocks(true)):
+        xyz, codes, confidence = ours
         # NaN (bare codes, a PCD's invalid points) compares as false: such points pass.
         with np.errstate(invalid="ignore"):
             distances = np.abs(xyz - true_xyz).max(axis=1)
@@ -179,25 +186,36 @@ def in_step(predicted: LabelColumn, true: LabelColumn) -> Iterator[tuple[LabelAr
                 f"{files}: point {num_done + first:,} (from 0) lies {distances[first]:.4g} apart "
                 f"in them; expected the same points in the same order, to {tolerance:.4g}"
             )
-        yield predicted.encode(codes), true.encode(true_codes)
+        yield predicted.encode(codes), true.encode(true_codes), confidence
         num_done += len(codes)
 
 
 def _blocks(column: LabelColumn) -> Iterator[_Block]:
-    return ((chunk.xyz, chunk.attributes[column.name]) for chunk in column.reader.chunks())
+    return (
+        (chunk.xyz, chunk.attributes[column.name], _confidence(column, chunk))
+        for chunk in column.reader.chunks()
+    )
+
+
+def _confidence(column: LabelColumn, chunk: PointCloud) -> FloatArray:
+    """How sure each point's class index is, NaN where the file doesn't say."""
+    values = chunk.attributes.get(CONFIDENCE)
+    if column.name != CLASS_INDEX or values is None or values.dtype.kind != "f":
+        return np.full(len(chunk), np.nan)
+    return values.astype(np.float64)
 
 
 def _aligned(left: Iterator[_Block], right: Iterator[_Block]) -> Iterator[tuple[_Block, _Block]]:
     """Cut two walks over equally many points into blocks of equal length."""
-    rest: _Block = (np.empty((0, 3)), np.empty(0))
+    rest: _Block = (np.empty((0, 3)), np.empty(0), np.empty(0))
     for block in right:
         while len(block[1]):
             if not len(rest[1]):
                 rest = next(left)
                 continue
             size = min(len(rest[1]), len(block[1]))
-            yield (rest[0][:size], rest[1][:size]), (block[0][:size], block[1][:size])
-            rest, block = (rest[0][size:], rest[1][size:]), (block[0][size:], block[1][size:])
+            yield tuple(part[:size] for part in rest), tuple(part[:size] for part in block)
+            rest, block = (tuple(part[size:] for part in whole) for whole in (rest, block))
 
 
 def _resolution(reader: ScanReader) -> float:

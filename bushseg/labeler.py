@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.checkpoint import Model
+from bushseg.checkpoint import Model, ModelCard
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError
 from bushseg.inference import probabilities, tile_logits
@@ -15,8 +15,6 @@ from bushseg.scan import VoxelScan
 from bushseg.stages import Stages
 from bushseg.tile_data import cut_tile
 from bushseg.tiling import Tiling
-
-_DENSITY_MARGIN = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +56,7 @@ def label_tiles(
     Raises:
         DataError: The scan lacks a feature that the model can't do without.
     """
-    check_features(model, scan)
+    check_features(model.card, scan)
     card = model.card
     halo = card.prepare.halo if config.halo is None else config.halo
     stages = stages or Stages()
@@ -71,7 +69,7 @@ def label_tiles(
             logits = tile_logits(
                 model.network, data, card.features, card.prepare.voxel_size, config.precision
             )
-            found = probabilities(logits)
+            found = probabilities(logits, card.temperature)
         yield TilePrediction(
             indices=data.indices[data.is_core],
             probabilities=found,
@@ -81,13 +79,12 @@ def label_tiles(
         progress.advance(tile.num_points)
 
 
-def check_features(model: Model, scan: VoxelScan) -> None:
+def check_features(card: ModelCard, scan: VoxelScan) -> None:
     """Refuse a scan that lacks what the model can't do without.
 
     Raises:
         DataError: It names what both have.
     """
-    card = model.card
     missing = [name for name in card.features if name not in scan.features]
     needed = [name for name in missing if name not in card.optional_features]
     if needed:
@@ -95,32 +92,3 @@ def check_features(model: Model, scan: VoxelScan) -> None:
             f"the model needs {', '.join(card.features)}, the scan has {', '.join(scan.features)}: "
             f"{', '.join(needed)} is missing; use a model trained without it"
         )
-
-
-def domain_warnings(model: Model, scan: VoxelScan, neighbor_distance: float) -> list[str]:
-    """What about a scan lies outside what the model was trained on.
-
-    Args:
-        model: The model.
-        scan: The scan.
-        neighbor_distance: The scan's median distance to the K-th neighbor, metres.
-
-    Returns:
-        One line a concern.
-    """
-    card, warnings = model.card, []
-    missing = [name for name in card.features if name not in scan.features]
-    if missing:
-        warnings.append(
-            f"the scan has no {' and no '.join(missing)}, which the model was trained with; "
-            "it does without, less surely"
-        )
-    low, high = card.neighbor_distance
-    if not low / _DENSITY_MARGIN <= neighbor_distance <= high * _DENSITY_MARGIN:
-        sparser = "sparser" if neighbor_distance > high else "denser"
-        warnings.append(
-            f"the scan is {sparser} than the model's training data: {card.prepare.num_neighbors} "
-            f"neighbors within {neighbor_distance:.2f} m, in training {low:.2f} to {high:.2f} m; "
-            "its labels may mean little"
-        )
-    return warnings

@@ -15,17 +15,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bushseg import io
-from bushseg.checkpoint import Model, load_model
+from bushseg.checkpoint import Model
 from bushseg.config import PredictConfig
+from bushseg.domain import domain_warnings
 from bushseg.errors import DataError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.labeled_scan import write_labeled
-from bushseg.labeler import domain_warnings, label_tiles
+from bushseg.labeler import label_tiles
+from bushseg.model_choice import candidates, choose
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
-from bushseg.runs import find_model
 from bushseg.scan import mask_no_returns, read_voxels
 from bushseg.stages import Stages
 from bushseg.stitch import Stitcher
@@ -38,15 +39,16 @@ class PredictResult:
     Attributes:
         input: The scan.
         output: The labelled scan.
-        model: Which model was used: its path.
+        model: Which model was used: its path, or its name where it is a bundled one.
+        reason: Why this one, where the scan decided; else empty.
         num_points: Points read and written.
         class_counts: Points per class name.
         num_unlabelled: Points that no voxel holds: not finite, no-returns.
         num_voxels: Voxels they fell into.
         passes: Voxels that went through the network, per voxel of the scan; 1 is ideal.
         seconds: From opening the scan to the finished output.
-        stages: Seconds by stage: load the model, read, sub-sample, ground and features, tiling,
-            neighbors, decimation, normals, network, look up, write.
+        stages: Seconds by stage: choose and load the model, read, sub-sample, ground and
+            features, tiling, neighbors, decimation, normals, network, look up, write.
         points_per_second: Points over seconds.
         peak_memory: Largest resident size of this process so far, bytes; None where unknown.
         warnings: Where the scan lies outside what the model was trained on, and classes that the
@@ -56,6 +58,7 @@ class PredictResult:
     input: Path
     output: Path
     model: str
+    reason: str
     num_points: int
     class_counts: dict[str, int]
     num_unlabelled: int
@@ -86,7 +89,9 @@ def predict_file(
     Args:
         scan: The scan, never touched.
         output: The file to write, whole or not at all.
-        model: A model, its file, a run's folder; None takes the newest run's best.
+        model: A model; a bundled model's name, or "default" for whichever of them suits the scan; a
+            model file, a run's folder or its name in `runs/`. None takes the newest run's best
+            model if there is one, else as "default".
         config: Settings; None takes the defaults.
         overwrite: Whether an existing output may be replaced.
         progress: Told of points read, voxels labelled and points written.
@@ -105,16 +110,21 @@ def predict_file(
     begun = time.perf_counter()
     stages = Stages()
     with stages.timed("load the model"):
-        model = model if isinstance(model, Model) else load_model(find_model(model))
-    card = model.card
-    card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)  # a bad mapping shows now, not later
+        known = candidates(model)
+    for candidate in known:  # a bad mapping shows now, not later
+        candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
     with io.open_scan(scan) as reader:
         kept = KeptReader(reader)
+        with stages.timed("choose the model"):
+            chosen, reason = choose(known, kept)
+        with stages.timed("load the model"):
+            network = chosen.load()
+        card = chosen.card
         voxel_scan = read_voxels(kept, card.prepare.voxel_size, progress=progress, stages=stages)
         with stages.timed("look up"):
             stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
         seen, distances = 0, []
-        for tile in label_tiles(model, voxel_scan, config, progress, stages):
+        for tile in label_tiles(network, voxel_scan, config, progress, stages):
             with stages.timed("look up"):
                 stitcher.add([tile])
             seen += tile.num_seen
@@ -126,11 +136,18 @@ def predict_file(
             )
     seconds = time.perf_counter() - begun
     num_points = int(counts.sum())
-    distance = _weighted_median(distances)
+    warnings = domain_warnings(
+        card,
+        voxel_scan,
+        _weighted_median(distances),
+        stitcher.mean_confidence(),
+        reader.info.crs,
+    )
     return PredictResult(
         input=scan,
         output=output,
-        model=str(model.path or "in memory"),
+        model=chosen.name,
+        reason=reason,
         num_points=num_points,
         class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
         num_unlabelled=int(counts[0]),
@@ -140,7 +157,7 @@ def predict_file(
         stages=stages.seconds,
         points_per_second=num_points / seconds,
         peak_memory=peak_memory(),
-        warnings=(*domain_warnings(model, voxel_scan, distance), *filter(None, [lost])),
+        warnings=(*warnings, *filter(None, [lost])),
     )
 
 
@@ -156,8 +173,7 @@ def predict(
 
     Args:
         points: A cloud, or coordinates in metres, shape (N, 3).
-        model: A model (load it once and keep it), its file, a run's folder; None takes the newest
-            run's best.
+        model: A model (load it once and keep it), or what :func:`predict_file` takes.
         config: Settings; None takes the defaults.
         attributes: With bare coordinates: further columns such as "intensity" or "red".
         sensor: Where the sensor stood, shape (3,), if known; normals are oriented to it. In a frame
@@ -170,9 +186,10 @@ def predict(
     Raises:
         DataError: There are no finite points, or the model needs features they lack.
     """
-    model = model if isinstance(model, Model) else load_model(find_model(model))
+    known = candidates(model)
     cloud = points if isinstance(points, PointCloud) else _cloud(points, attributes or {})
     reader = MemoryReader(cloud, sensor)
+    model = choose(known, KeptReader(reader))[0].load()
     scan = read_voxels(reader, model.card.prepare.voxel_size)
     # One row more: what a point without a voxel finds at index -1.
     stitched = np.zeros((len(scan.voxels) + 1, model.card.scheme.num_classes), dtype=np.float32)

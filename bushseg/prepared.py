@@ -29,6 +29,7 @@ from bushseg.cache import (
 )
 from bushseg.config import PrepareConfig
 from bushseg.crops import OPEN_TILES, CropSampler, class_weights, enough_crops
+from bushseg.features import height_profile
 from bushseg.io import label_sidecar, open_scan
 from bushseg.progress import Progress
 from bushseg.scan import read_voxels
@@ -99,6 +100,7 @@ def write_tiles(
                 "core_size": tile.num_points,
                 "class_counts": np.bincount(labels, minlength=scheme.num_classes).tolist(),
                 "neighbor_distance": data.neighbor_distance(),
+                "height_profile": height_profile(data.features["height"][data.is_core]),
             }
         )
         progress.advance(1)
@@ -149,7 +151,7 @@ def write_crops(
         np.random.default_rng(config.seed),
     )
     progress.start("drawing crops", num_crops, "crops")
-    tiles = []
+    tiles, labelled = [], []
     for number, crop in enumerate(stages.each("draw crops", sampler.draws(num_crops))):
         tile = load(crop.tile)
         pyramid = tile.crop_pyramid(crop.indices, config, stages)
@@ -157,7 +159,13 @@ def write_crops(
             tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
             save_tensors(crops / crop_name(number), tensors)
         tiles.append(crop.tile)
+        labelled.append(bool((tile.labels[crop.indices] >= 0).any()))
         progress.advance(1)
-    manifest = {"version": FORMAT_VERSION, "num_crops": num_crops, "tiles": tiles}
+    manifest = {
+        "version": FORMAT_VERSION,
+        "num_crops": num_crops,
+        "tiles": tiles,
+        "labelled": labelled,
+    }
     write_json(crops / MANIFEST, manifest)
     return manifest

@@ -64,6 +64,10 @@ class Stitcher:
             bush_probability=None if self._bush is None else self._bush[found],
         )
 
+    def mean_confidence(self) -> float:
+        """Mean confidence of all voxels, once they are entered."""
+        return float(self._confidence[:-1].mean(dtype=np.float64))
+
 
 @compiled
 def _enter(

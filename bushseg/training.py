@@ -2,23 +2,16 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from bushseg.augment import DROPPABLE
 from bushseg.batches import EpochBatches
-from bushseg.checkpoint import (
-    ModelCard,
-    build_network,
-    load_checkpoint,
-    network_weights,
-    save_model,
-)
-from bushseg.config import Config, first_difference
+from bushseg.checkpoint import build_network, load_checkpoint, network_weights, save_model
+from bushseg.config import FINE_TUNING_RATE, Config, TrainConfig, first_difference
 from bushseg.dataset import Dataset
 from bushseg.errors import CheckpointError, ConfigError, DataError
 from bushseg.files import atomic_path
@@ -27,9 +20,11 @@ from bushseg.loss import loss_weights, weighted_cross_entropy
 from bushseg.models.batch import Batch
 from bushseg.models.precision import multiplying_in
 from bushseg.plots import plot_curves
+from bushseg.pretrained import Pretrained, adopt, find_pretrained, with_network_of
 from bushseg.progress import SILENT, Progress
 from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS, new_run, remove_run
 from bushseg.stages import Stages
+from bushseg.training_card import describe_data
 from bushseg.training_state import (
     TrainingState,
     optimizer_tensors,
@@ -70,6 +65,7 @@ def train(
     run: str | Path | None = None,
     config: Config | None = None,
     *,
+    pretrained: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
     stop: Callable[[], bool] = lambda: False,
@@ -82,6 +78,8 @@ def train(
         run: The run's folder; None makes one in `runs/`, named by the time.
         config: Settings; None takes the defaults, or the run's own to resume it. The `prepare`
             section is always the data set's.
+        pretrained: A model to begin with: a bundled model's name, "default" for the one of the data
+            set's voxel size, a model file or a run. Classes and features may differ.
         resume: Go on with the run in `run`; the result is that of an uninterrupted run. All
             settings but the number of epochs must be the run's own.
         overwrite: Replace the run that stands in `run`.
@@ -95,12 +93,17 @@ def train(
         WriteError: The folder holds a run that is neither to be resumed nor overwritten.
         BushsegError: The data set or the checkpoint is missing, damaged or doesn't fit.
     """
-    if resume and (overwrite or run is None):
-        raise ConfigError("resume needs the folder of the run, and can't overwrite it")
+    if resume and (overwrite or run is None or pretrained is not None):
+        raise ConfigError(
+            "resume needs the folder of the run, and can neither overwrite it nor begin anew"
+        )
     folder = Path(run) if resume and run is not None else new_run(run, overwrite=overwrite)
     if config is None:
         config = Config.load(folder / SETTINGS) if resume else Config()
-    trainer = Trainer(Dataset(data), folder, config, progress)
+    if pretrained is not None:
+        given = config.train.model_dump(exclude_unset=True) | {"pretrained": str(pretrained)}
+        config = config.model_copy(update={"train": TrainConfig.from_dict(given)})
+    trainer = Trainer(Dataset(data), folder, config, progress, resume=resume)
     if resume:
         trainer.restore()
     elif overwrite:
@@ -112,9 +115,20 @@ class Trainer:
     """One run: the network, its optimizer and how far they have come."""
 
     def __init__(
-        self, dataset: Dataset, folder: Path, config: Config, progress: Progress = SILENT
+        self,
+        dataset: Dataset,
+        folder: Path,
+        config: Config,
+        progress: Progress = SILENT,
+        *,
+        resume: bool = False,
     ) -> None:
         self.dataset = dataset
+        # A resumed run has its weights already, even if the model it began with is gone.
+        begin = None if resume else config.train.pretrained
+        source = None if begin is None else find_pretrained(begin, dataset.config)
+        if source is not None:
+            config = with_network_of(config, source.model.card)
         self.folder = folder
         self.config = config.model_copy(update={"prepare": dataset.config})
         self.progress = progress
@@ -122,20 +136,36 @@ class Trainer:
         self.stages = Stages()
         self._drawn_at, self._undrawn = 0.0, False
         self.train_tiles, self.held_out = dataset.split(config.train)
-        self.card = _card(dataset, self.train_tiles, self.config)
+        self.card = describe_data(dataset, self.train_tiles, self.config)
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         with torch.random.fork_rng():
             torch.manual_seed(torch_seed(config.train.seed))
-            self.network = build_network(self.card).to(self.device)
+            self.network = build_network(self.card)
+        if source is not None:
+            self._begin_with(source)
+        self.network.to(self.device)
         counts = dataset.class_counts(self.train_tiles)
         self.weights = loss_weights(counts, config.train.class_weights).to(self.device)
         self.optimizer = torch.optim.Adam(self.network.parameters(), config.train.learning_rate)
         wanted = set(self.train_tiles)
-        if not config.train.fresh_crops and wanted.isdisjoint(dataset.crop_tiles):
+        drawn = zip(dataset.crop_tiles, dataset.crop_labelled, strict=True)
+        if not config.train.fresh_crops and not any(t in wanted and has for t, has in drawn):
             raise DataError(
-                f"{dataset.folder}: none of its {len(dataset.crop_tiles)} crops lies in a tile to "
+                f"{dataset.folder}: none of its {len(dataset.crop_tiles)} crops has a label to "
                 "train on; prepare with more --crops, or pass --fresh-crops"
             )
+
+    def _begin_with(self, source: Pretrained) -> None:
+        """Take over another model's weights."""
+        anew = adopt(self.network, self.card, source.model)
+        self.card = self.card.model_copy(
+            update={"pretrained": source.name, "temperature": source.model.card.temperature}
+        )
+        rate = self.config.train.learning_rate
+        gently = ", low, so that what it knows is kept" if rate <= FINE_TUNING_RATE else ""
+        self.progress.note(
+            "; ".join([f"begins with {source.name}", *anew, f"learning rate {rate:g}{gently}"])
+        )
 
     def restore(self) -> None:
         """Load the last checkpoint of this run.
@@ -152,7 +182,10 @@ class Trainer:
             raise CheckpointError(f"{path}: can't be resumed ({error}); start a new run") from error
         # More epochs don't change those that are done; any other setting would.
         before = state.settings.model_copy(update={"epochs": settings.epochs})
-        card = card.model_copy(update={"metrics": {}})
+        # What is found out in training, and which weights it began with, are the run's own.
+        kept = {"temperature": card.temperature, "pretrained": card.pretrained}
+        self.card = self.card.model_copy(update=kept)
+        card = card.model_copy(update={"metrics": {}, "confidence": None})
         if changed := first_difference(card, self.card) or first_difference(before, settings):
             raise CheckpointError(
                 f"{path}: {changed}; resume with the data and the settings it was trained with "
@@ -259,10 +292,14 @@ class Trainer:
         judged = trained
         if self.held_out:
             with self.stages.timed("validate"):
-                judged = validate(
+                found = validate(
                     self.network, self.dataset, self.held_out, self.card, self.progress
                 )
+            judged = found.confusion
             row |= {"val_oa": judged.oa, "val_miou": judged.miou}
+            row |= {"val_ece": found.calibrated_ece, "val_ece_uncalibrated": found.ece}
+            calibrated = {"temperature": found.temperature, "confidence": found.confidence}
+            self.card = self.card.model_copy(update=calibrated)
             row |= {f"val_iou/{n}": float(v) for n, v in zip(names, judged.iou, strict=True)}
         state.history.append({key: float(value) for key, value in row.items()})
         state.epoch, state.step, state.loss_sum, state.counts = state.epoch + 1, 0, 0.0, []
@@ -290,16 +327,3 @@ class Trainer:
             extra=optimizer_tensors(self.network, self.optimizer),
             state=self.state.model_dump(),
         )
-
-
-def _card(dataset: Dataset, tiles: Sequence[int], config: Config) -> ModelCard:
-    distances = [dataset.tiles[number].neighbor_distance for number in tiles]
-    droppable = DROPPABLE if config.train.augment.feature_dropout > 0 else ()
-    return ModelCard(
-        scheme=dataset.scheme,
-        features=dataset.features,
-        optional_features=tuple(name for name in dataset.features if name in droppable),
-        prepare=dataset.config,
-        network=config.network,
-        neighbor_distance=(min(distances), max(distances)),
-    )

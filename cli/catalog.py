@@ -1,12 +1,15 @@
 """`bushseg labels`, `bushseg models` and `bushseg config`: what there is."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .console import out, print_json
 from .options import ConfigFile, Json, ModelFile
+
+if TYPE_CHECKING:
+    from bushseg.checkpoint import ModelCard
 
 
 def labels(
@@ -47,21 +50,23 @@ def labels(
 
 
 def models(model: ModelFile = None, as_json: Json = False) -> None:
-    """Describe the model that `predict` would use.
+    """List the models there are, or describe one.
 
-    Its classes, features and settings, and its parameters by module.
+    With --model: its classes, features and settings, its scores, and its parameters by module.
 
     Examples:
 
         bushseg models
 
-        bushseg models --model runs/2026-05-01_120000
+        bushseg models --model close
     """
-    from bushseg.checkpoint import load_model
+    if model is None:
+        _list_models(as_json=as_json)
+        return
+    from bushseg.model_choice import candidates
     from bushseg.models.bushnet import count_parameters
-    from bushseg.runs import find_model
 
-    loaded = load_model(find_model(model))
+    loaded = candidates(model)[0].load()
     counts = count_parameters(loaded.network)
     if as_json:
         described = loaded.card.model_dump(mode="json")
@@ -82,6 +87,64 @@ def models(model: ModelFile = None, as_json: Json = False) -> None:
         f"SPF {card.network.spf}, sampling {card.prepare.sampling}"
     )
     out.print("  parameters   " + ", ".join(f"{name} {n:,}" for name, n in counts.items()))
+    if scores := _scores(card):
+        out.print(f"  held out     {scores}")
+    if card.confidence is not None:
+        out.print(
+            f"  confidence   {card.confidence:.1%} on the held-out split, at temperature "
+            f"{card.temperature:.2f}"
+        )
+    if card.pretrained is not None:
+        out.print(f"  began with   {card.pretrained}")
+
+
+def _list_models(*, as_json: bool) -> None:
+    """All models, a line or two each."""
+    from bushseg.model_choice import available
+
+    found = available()
+    if as_json:
+        print_json(
+            [
+                {
+                    "name": known.name,
+                    "path": known.path,
+                    "num_bytes": known.num_bytes,
+                    "purpose": known.purpose,
+                    "voxel_size": known.card.prepare.voxel_size,
+                    "temperature": known.card.temperature,
+                    "metrics": known.card.metrics,
+                    "is_default": known.is_default,
+                }
+                for known in found
+            ]
+        )
+        return
+    if not found:
+        out.print("no models: none is bundled with this build and runs/ holds none; train one")
+    for known in found:
+        size = f"voxels of {known.card.prepare.voxel_size:g} m, {known.num_bytes / 1e6:.1f} MB"
+        marked = "  (predict's default)" if known.is_default else ""
+        out.print(f"{known.name:24} {size}{marked}")
+        if known.purpose:
+            out.print(f"{'':24} {known.purpose}")
+        if scores := _scores(known.card):
+            out.print(f"{'':24} held out: {scores}")
+
+
+def _scores(card: "ModelCard") -> str:
+    """A card's figures in a line, as far as it has them."""
+    names = {"val_miou": "mIoU", "val_oa": "OA", "val_ece": "ECE"}
+    found = [
+        f"{ours} {card.metrics[key]:.1%}" for key, ours in names.items() if card.metrics.get(key)
+    ]
+    ious = {
+        key.removeprefix("val_iou/"): value
+        for key, value in card.metrics.items()
+        if key.startswith("val_iou/") and value is not None
+    }
+    found += [f"{name} {value:.0%}" for name, value in ious.items()]
+    return ", ".join(found)
 
 
 def config(

@@ -35,7 +35,8 @@ def evaluate(
 ) -> None:
     """Compare predictions with the truth: IoU, OA, confusion matrix.
 
-    IoU is given per class and as their mean, mIoU.
+    IoU is given per class and as their mean, mIoU; where the labelled file holds `confidence`, the
+    expected calibration error (15 bins) says how far it is from the share that is right.
 
     Examples:
 
@@ -77,6 +78,11 @@ def evaluate(
         f"mIoU {scores.miou:.1%}, OA {scores.oa:.1%} over {total:,} labelled points; "
         f"the largest class is {scores.support.max() / total:.1%} of them"
     )
+    if not math.isnan(result.confidence.error):
+        out.print(
+            f"calibration error (ECE) {result.confidence.error:.1%}: mean confidence "
+            f"{result.confidence.mean_confidence:.1%}"
+        )
     if output is not None:
         out.print(f"{output}: metrics.json, per_class.csv, confusion.csv, confusion.png")
 

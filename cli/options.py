@@ -14,7 +14,12 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 Profile = Annotated[bool, typer.Option("--profile", help="Print where the time went, by stage.")]
 ModelFile = Annotated[
     Path | None,
-    typer.Option("--model", "-m", help="A model file or a run.  [default: the newest run's best]"),
+    typer.Option(
+        "--model",
+        "-m",
+        help="A bundled model (`bushseg models`), default (the bundled one that suits the scan), "
+        "a model file or a run.  [default: the newest run's best if there is one, else default]",
+    ),
 ]
 
 

@@ -44,11 +44,14 @@ def predict(
     """Label every point of a scan.
 
     LAS and LAZ keep every field, VLR, EVLR and the CRS; classification is set to ASPRS codes, and
-    class_index, confidence and (if the model knows bush) bush_probability are added.
+    class_index, confidence and (if the model knows bush) bush_probability are added. Without a run
+    in runs/ and without --model, the bundled model is taken that suits the scan's density.
 
     Examples:
 
         bushseg predict site.las -o labeled.las
+
+        bushseg predict plot.laz -o labeled.laz --model close
 
         bushseg predict frame.bin -o frame.label --model runs/2026-05-01_120000
 
@@ -78,6 +81,8 @@ def predict(
         f"{result.output}: {result.num_points:,} points in {result.seconds:.1f} s "
         f"({shorten(result.points_per_second)} points/s{memory}), model {result.model}"
     )
+    if result.reason:
+        out.print(f"  model: {result.model}, {result.reason}")
     for name, count in result.class_counts.items():
         if count:
             out.print(f"  {name:24} {count:>12,} points  {count / result.num_points:6.1%}")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .console import out, print_json, print_stages, progress, warn
+from .console import err, out, print_json, print_stages, progress, warn
 from .options import ConfigFile, Json, Profile, Quiet, changed
 
 
@@ -19,6 +19,14 @@ def prepare(
     ] = None,
     voxel_size: Annotated[
         float | None, typer.Option(help="Edge of the sub-sampling grid, metres.  [default: 0.1]")
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            help="Prepare as this model's data were, to train on from it: default (the bundled one "
+            "that suits the first scan), a bundled model's name, a model file or a run.",
+        ),
     ] = None,
     label_field: Annotated[
         str | None, typer.Option(help="Attribute with the class codes.  [default: the format's]")
@@ -47,6 +55,8 @@ def prepare(
         bushseg prepare scans/
 
         bushseg prepare a.laz b.laz --scheme asprs --voxel-size 0.25
+
+        bushseg prepare painted.laz --for default
     """
     from bushseg.config import Config
     from bushseg.preparation import prepare as run
@@ -61,6 +71,12 @@ def prepare(
         seed=seed,
     )
     settings = Config.load(config, {"prepare": given}).prepare
+    if model is not None:
+        from bushseg.pretrained import settings_for
+
+        settings, whose = settings_for(model, paths, settings)
+        if not (quiet or as_json):
+            err.print(f"prepared for {whose}")
     with progress(quiet=quiet or as_json) as shown:
         result = run(paths, output, settings, progress=shown)
     if as_json:

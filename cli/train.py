@@ -17,6 +17,14 @@ def train(
     run: Annotated[
         Path | None, typer.Option("--run", "-o", help="The run's folder.  [default: runs/TIME]")
     ] = None,
+    pretrained: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            help="Begin with a model's weights: default (the bundled one of this voxel size), a "
+            "bundled model's name, a model file or a run.",
+        ),
+    ] = None,
     resume: Annotated[
         Path | None, typer.Option(help="Go on with this run, exactly where it stopped.")
     ] = None,
@@ -26,7 +34,10 @@ def train(
     epochs: Annotated[int | None, typer.Option(help="Epochs to train.  [default: 100]")] = None,
     batch_size: Annotated[int | None, typer.Option(help="Crops in a step.  [default: 4]")] = None,
     learning_rate: Annotated[
-        float | None, typer.Option(help="Adam's first learning rate.  [default: 0.01]")
+        float | None,
+        typer.Option(
+            help="Adam's first learning rate.  [default: 0.01; with --from 0.001]",
+        ),
     ] = None,
     validation: Annotated[
         str | None,
@@ -53,6 +64,9 @@ def train(
     """Train BushNet on a prepared data set.
 
     Ctrl-C saves and ends; `--resume` goes on as if nothing had happened.
+    With --from, training begins with what a model knows: a few labelled points among many without
+    a label then go a long way. Classes may differ; the data must be prepared with
+    `bushseg prepare --for` that model.
 
     Examples:
 
@@ -60,20 +74,23 @@ def train(
 
         bushseg train prepared --epochs 30 --validation scan:north
 
+        bushseg train --from default --epochs 20
+
         bushseg train --resume runs/2026-05-01_120000
     """
     from bushseg.config import Config
     from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS
     from bushseg.training import train as start
 
-    if resume is not None and (run is not None or overwrite):
-        raise typer.BadParameter("--resume names the run; leave --run and --overwrite out")
+    if resume is not None and (run is not None or overwrite or pretrained is not None):
+        raise typer.BadParameter("--resume names the run; leave --run, --overwrite and --from out")
 
     settings: dict[str, dict[str, Any]] = {
         "train": changed(
             epochs=epochs,
             batch_size=batch_size,
             learning_rate=learning_rate,
+            pretrained=pretrained,
             validation=validation,
             fresh_crops=fresh_crops,
             seed=seed,

@@ -164,3 +164,38 @@ def height_model():
     with torch.random.fork_rng():
         torch.manual_seed(3)
         return Model(card, build_network(card).eval())
+
+
+@pytest.fixture(scope="session")
+def stand_ins(model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of bundled models: the tiny one, and its weights passed off as one for the air."""
+    import tomli_w
+
+    from bushseg.bundled import INDEX, BundledModel, file_hash
+    from bushseg.checkpoint import save_model
+
+    folder = tmp_path_factory.mktemp("bundled")
+    entries = []
+    for name, voxel_size, distances in (("close", 0.15, (0.2, 0.7)), ("airborne", 0.6, (0.8, 3.0))):
+        prepare = model.card.prepare.model_copy(update={"voxel_size": voxel_size})
+        changes = {"prepare": prepare, "neighbor_distance": distances}
+        path = folder / f"{name}.safetensors"
+        save_model(path, model.card.model_copy(update=changes), model.network)
+        entry = BundledModel(
+            name=name,
+            file=path.name,
+            sha256=file_hash(path),
+            license="MIT",
+            voxel_size=voxel_size,
+            purpose=f"tests of {name} range",
+        )
+        entries.append(entry.model_dump(mode="json"))
+    (folder / INDEX).write_text(tomli_w.dumps({"models": entries}))
+    return folder
+
+
+@pytest.fixture
+def bundle(stand_ins: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """bushseg as if the stand-ins were what it ships with."""
+    monkeypatch.setattr("bushseg.bundled.FOLDER", stand_ins)
+    return stand_ins

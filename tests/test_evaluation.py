@@ -252,3 +252,16 @@ def test_a_real_airborne_tile(tmp_path: Path) -> None:
     assert evaluation.confusion.oa == 1
     assert evaluation.unknown_truth.codes == {64: 902}
     assert len(notes.lines) == 2
+
+
+def test_calibration_of_a_file_that_says_how_sure_it_is(tmp_path: Path) -> None:
+    """Of the labelled points with a prediction two are right, at 0.9 and 0.6, one wrong at 0.8."""
+    sure = [0.9, 0.6, 0.8, 0.5, 0.0]
+    prediction = write_csv(tmp_path / "p.csv", class_index=INDICES, confidence=sure)
+    truth = write_csv(tmp_path / "t.csv", classification=TRUE_CODES)
+    evaluation = evaluate(prediction, truth, BUSH)
+    check(evaluation)
+    assert_allclose(evaluation.confidence.error, (0.1 + 0.4 + 0.8) / 3)
+    assert_allclose(evaluation.as_dict()["mean_confidence"], 2.3 / 3)
+    bare = write_csv(tmp_path / "b.csv", class_index=INDICES)
+    assert evaluate(bare, truth, BUSH).as_dict()["ece"] is None

@@ -46,10 +46,10 @@ def line(num_points: int) -> FloatArray:
 
 def walk(ours: Memory, theirs: Memory) -> tuple[list[int], list[int]]:
     pairs = list(in_step(LabelColumn(ours, "label", BUSH), LabelColumn(theirs, "label", BUSH)))
-    assert all(len(left) == len(right) > 0 for left, right in pairs)
+    assert all(len(left) == len(right) == len(sure) > 0 for left, right, sure in pairs)
     return (
-        [label for left, _ in pairs for label in left.tolist()],
-        [label for _, right in pairs for label in right.tolist()],
+        [label for left, _, _ in pairs for label in left.tolist()],
+        [label for _, right, _ in pairs for label in right.tolist()],
     )
 
 
@@ -123,3 +123,14 @@ def test_a_column_of_too_many_values_is_no_class() -> None:
     column.encode(np.arange(60_000))
     with pytest.raises(DataError, match=r"'time' holds more than 65,536 different values"):
         column.encode(np.arange(60_000, 70_000))
+
+
+@pytest.mark.parametrize("chunk", [2, 7])
+def test_confidence_comes_with_class_indices_only(chunk: int) -> None:
+    index, sure = np.zeros(5, np.uint8), np.linspace(0, 1, 5, dtype=np.float32)
+    columns = {"class_index": index, "label": index + 2, "confidence": sure}
+    truth = LabelColumn(Memory(line(5), {"label": index + 2}, 3), "label", BUSH)
+    for name, expected in (("class_index", sure), ("label", np.full(5, np.nan))):
+        ours = LabelColumn(Memory(line(5), columns, chunk), name, BUSH)
+        found = np.concatenate([confidence for _, _, confidence in in_step(ours, truth)])
+        np.testing.assert_array_equal(found, expected)

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError
 from bushseg.io import open_scan
-from bushseg.labeler import check_features, domain_warnings, label_tiles
+from bushseg.labeler import check_features, label_tiles
 from bushseg.scan import VoxelScan, read_voxels
 
 
@@ -49,9 +51,7 @@ def test_the_halo_asked_for_is_the_one_used(model, scan):
 
 def test_a_missing_feature_that_is_optional(model, scan):
     bare = without(scan, "rgb", "intensity")
-    check_features(model, bare)
-    (warning,) = domain_warnings(model, bare, model.card.neighbor_distance[0])
-    assert "no rgb and no intensity" in warning
+    check_features(model.card, bare)
     assert next(label_tiles(model, bare, PredictConfig())).num_seen == len(scan.voxels)
 
 
@@ -60,11 +60,12 @@ def test_a_missing_feature_that_is_needed(model, scan):
         next(label_tiles(model, without(scan, "height"), PredictConfig()))
 
 
-@pytest.mark.parametrize(
-    ("factor", "word"), [(0.5, "denser"), (0.9, None), (1.1, None), (2.0, "sparser")]
-)
-def test_density_outside_training(model, scan, factor, word):
-    low, high = model.card.neighbor_distance
-    warnings = domain_warnings(model, scan, factor * (low if factor < 1 else high))
-    assert len(warnings) == (word is not None)
-    assert all(word in warning for warning in warnings)
+def test_a_temperature_changes_how_sure_it_is_and_no_label(model, scan):
+    warm = replace(model, card=model.card.model_copy(update={"temperature": 3.0}))
+    cold = replace(model, card=model.card.model_copy(update={"temperature": 1.0}))
+    (soft,), (hard,) = (list(label_tiles(it, scan, PredictConfig())) for it in (warm, cold))
+    assert (soft.probabilities.argmax(axis=1) == hard.probabilities.argmax(axis=1)).all()
+    assert soft.probabilities.max(axis=1).mean() < hard.probabilities.max(axis=1).mean() - 0.05
+    cubed = hard.probabilities.astype(float) ** (1 / 3)
+    cubed /= cubed.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(soft.probabilities, cubed, atol=1e-4)

@@ -208,3 +208,22 @@ def test_a_scan_of_a_few_points_trains(new_scene, write_las, tiny, tmp_path):
 def test_a_missing_data_set(tiny, tmp_path):
     with pytest.raises(BushsegError, match="bushseg prepare"):
         train(tmp_path / "nowhere", tmp_path / "run", tiny())
+
+
+def test_the_card_says_how_sure_the_model_may_be(run):
+    card = load_model(run / "best.safetensors").card
+    assert card.temperature != 1
+    assert card.metrics["val_ece"] <= card.metrics["val_ece_uncalibrated"] + 0.02
+    # Calibrated, mean confidence is about the share that is right.
+    assert card.confidence == pytest.approx(card.metrics["val_oa"], abs=0.1)
+    low, high = card.heights
+    assert -1 < low < 0.2
+    assert 1.2 < high < 2.5  # bushes of 1.4 m, a wall of 2 m
+    assert 0.2 < card.low_share < 0.9
+    assert card.pretrained is None
+
+
+def test_nothing_held_out_is_nothing_to_calibrate_on(prepared, tiny, tmp_path):
+    result = train(prepared, tmp_path / "run", tiny(epochs=1, steps_per_epoch=1))
+    card = load_model(result.folder / "best.safetensors").card
+    assert (card.temperature, card.confidence) == (1.0, None)

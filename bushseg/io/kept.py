@@ -27,6 +27,23 @@ class KeptReader(ScanReader):
         self.source = reader
         self._limit = KEPT_BYTES if limit is None else limit
         self._is_whole = False
+        self._begun: tuple[list[PointCloud], Iterator[PointCloud]] | None = None
+
+    def head(self, num_points: int) -> list[PointCloud]:
+        """Read the first chunks ahead; the next pass begins with them and goes on from there.
+
+        Args:
+            num_points: How many points they hold at least, unless the scan has fewer.
+
+        Raises:
+            ReadError: As the reader's own.
+        """
+        rest = self.source.chunks()
+        chunks: list[PointCloud] = []
+        while sum(map(len, chunks)) < num_points and (chunk := next(rest, None)) is not None:
+            chunks.append(chunk)
+        self._begun = chunks.copy(), rest
+        return chunks
 
     def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:
         """Yield all points in the file's order; kept ones in the chunks of the first time.
@@ -39,7 +56,7 @@ class KeptReader(ScanReader):
             return
         self.held = []
         num_bytes = 0
-        for chunk in self.source.chunks(size):
+        for chunk in self._resumed(size):
             num_bytes += _num_bytes(chunk)
             if num_bytes <= self._limit:
                 self.held.append(chunk)
@@ -47,6 +64,17 @@ class KeptReader(ScanReader):
                 self.held = []
             yield chunk
         self._is_whole = num_bytes <= self._limit
+
+    def _resumed(self, size: int) -> Iterator[PointCloud]:
+        """All chunks from the source, those read ahead first."""
+        begun, self._begun = self._begun, None
+        if begun is None:
+            yield from self.source.chunks(size)
+            return
+        ahead, rest = begun
+        while ahead:
+            yield ahead.pop(0)
+        yield from rest
 
 
 def _num_bytes(chunk: PointCloud) -> int:

@@ -103,7 +103,6 @@ def test_a_wrong_call_is_status_2(bushseg, arguments):
         ["simulate", "-o", "out", "--size", "-3"],
         ["simulate", "-o", "out", "--sensor", "sonar"],
         ["labels", "shrubs"],
-        ["models"],
         ["models", "--model", "none.safetensors"],
         ["config", "-c", "none.toml"],
         ["train", "--epochs", "0"],

@@ -76,3 +76,23 @@ def test_records_count_too() -> None:
         list(kept.chunks())
         list(kept.chunks())
         assert reader.readings == readings
+
+
+@pytest.mark.parametrize(("wanted", "got"), [(1, 100), (100, 100), (101, 200), (1000, 250)])
+def test_what_is_read_ahead_is_not_read_again(wanted: int, got: int) -> None:
+    reader = make_reader(250)
+    kept = KeptReader(reader)
+    ahead = kept.head(wanted)
+    assert sum(map(len, ahead)) == got
+    whole, again = list(kept.chunks()), list(kept.chunks())
+    assert reader.readings == 1
+    assert equal(whole, list(make_reader(250).chunks()))
+    assert equal(whole, again)
+
+
+def test_beyond_the_limit_only_the_second_pass_reads_again() -> None:
+    reader = make_reader(250)
+    kept = KeptReader(reader, limit=0)
+    kept.head(1)
+    assert sum(map(len, kept.chunks())) == sum(map(len, kept.chunks())) == 250
+    assert reader.readings == 2

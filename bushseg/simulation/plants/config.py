@@ -49,11 +49,15 @@ class PlantsConfig(Section):
     shrub_leaf_length: Spread = _spread((0.02, 0.045, 0.1), "Length of shrubs' leaves, metres")
     shrub_leafless: Share = Field(0.12, description="Share of shrubs of bare twigs")
 
+    shrub_shoots: Share = Field(
+        0.35, description="Share of shrubs with long shoots that stand out of the crown"
+    )
+
     hedge_height: Spread = _spread((0.7, 1.5, 3.2), "Height of hedges, metres")
     hedge_depth: Spread = _spread((0.45, 0.8, 1.6), "Thickness of clipped hedges, metres")
     hedge_clipped: Share = Field(0.6, description="Share of hedges clipped to flat faces")
     hedge_leaf_density: Spread = _spread(
-        (2.5, 4.5, 8.0), "Leaf area density near a clipped hedge's faces, m²/m³"
+        (6.0, 11.0, 18.0), "Leaf area density near a clipped hedge's faces, m²/m³"
     )
 
     tree_height: Spread = _spread((4.0, 10.0, 24.0), "Height of trees, metres")
@@ -81,6 +85,10 @@ class PlantsConfig(Section):
         (0.012, 0.019, 0.03), "Diameter of stems at breast height over the tree's height"
     )
 
+    tree_ivy: Share = Field(
+        0.07, description="Share of trees with ivy or sprouts along the lower stem"
+    )
+
     sapling_height: Spread = _spread((1.5, 2.4, 4.0), "Height of saplings, metres")
     sapling_low_crowns: Share = Field(
         0.55, description="Share of saplings with branches from the ground up"
@@ -90,6 +98,13 @@ class PlantsConfig(Section):
     leaf_angles: Weights[LeafAngles] = Field(
         {"spherical": 0.4, "planophile": 0.25, "erectophile": 0.15, "plagiophile": 0.2},
         description="Distributions of leaf inclinations after de Wit" + WEIGHTS,
+    )
+    leaf_unevenness: float = Field(
+        0.5,
+        ge=0,
+        le=3,
+        description="How unevenly leaves fill a crown: standard deviation of the logarithm of "
+        "their density, part by part",
     )
     dead_leaves: Share = Field(0.06, description="Share of leaved plants whose leaves are brown")
 

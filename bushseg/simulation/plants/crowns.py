@@ -8,6 +8,7 @@ from bushseg.simulation.mesh import Mesh
 from bushseg.simulation.plants.branches import Branches
 from bushseg.simulation.plants.config import PlantsConfig
 from bushseg.simulation.plants.leaves import LeafKind, leaves, number_and_scale
+from bushseg.simulation.plants.scatter import patches
 
 GROUND_CLEARANCE = 0.02
 """No leaf grows from below this height, metres."""
@@ -23,6 +24,7 @@ def foliage(
     start: float = 0.1,
     spread: float = 0.0,
     lowest: float = GROUND_CLEARANCE,
+    unevenness: float = 0.0,
 ) -> Mesh:
     """Clothe twigs in leaves.
 
@@ -36,10 +38,15 @@ def foliage(
         spread: Standard deviation of places off the twig, for shoots too small to be drawn,
             metres.
         lowest: Leaves don't grow below this height, metres.
+        unevenness: Standard deviation of the logarithm of how leafy parts of the crown are.
     """
     number, scale = number_and_scale(area, kind, most)
-    reach = twigs.lengths()
-    index = np.sort(rng.choice(len(twigs), number, p=reach / reach.sum()))
+    middles = twigs.paths.mean(axis=1)
+    size = max(0.3 * float(np.ptp(middles, axis=0).max()), 0.1)
+    # The third dimension is folded into two: what matters is that neighbors are alike.
+    folded = middles[:, :2] + (0.8, -0.6) * middles[:, 2:]
+    share = twigs.lengths() * np.exp(unevenness * patches(rng, folded, size))
+    index = np.sort(rng.choice(len(twigs), number, p=share / share.sum()))
     places, headings, _ = twigs.at(index, rng.uniform(start, 1.0, number))
     places = places + spread * rng.standard_normal(places.shape)
     kept = places[:, 2] > lowest
@@ -68,7 +75,12 @@ def volume(profile: FloatArray, radius: float, height: float) -> float:
 
 
 def within(
-    rng: np.random.Generator, profile: FloatArray, number: int, *, filling: float
+    rng: np.random.Generator,
+    profile: FloatArray,
+    number: int,
+    *,
+    filling: float,
+    power: float = 2.0,
 ) -> FloatArray:
     """Draw places in a crown of radius and height 1.
 
@@ -77,13 +89,15 @@ def within(
         profile: The crown's radius over the greatest at evenly spaced heights, shape (P,).
         number: N.
         filling: 2 fills it evenly; less leaves the middle empty.
+        power: Heights are as common as this power of the radius there: 2 fills the volume evenly,
+            1 puts as many places around a cone's tip as there is room for on its mantle.
 
     Returns:
         Places, shape (N, 3); x and y in -1..1 and z in 0..1.
     """
     heights = np.linspace(0, 1, 101)
     radii = np.interp(heights, np.linspace(0, 1, len(profile)), profile)
-    cumulated = np.cumsum(radii**2 + 1e-6)
+    cumulated = np.cumsum(radii**power + 1e-6)
     # Even steps with a shake: tips that keep clear of each other leave no holes by chance.
     shares = rng.permutation((np.arange(number) + rng.uniform(0, 1, number)) / number)
     z = np.interp(shares * cumulated[-1], cumulated, heights)

@@ -17,8 +17,8 @@ from bushseg.simulation.plants.shrubs import grow_shrub
 SHELL = 0.12
 """Most leaves of a clipped hedge lie within about this much of its faces, metres."""
 
-LEAVES_PER_METER = 2600
-"""Most leaves along a metre of hedge, times detail."""
+LEAVES_PER_AREA = 900
+"""Most leaves of a clipped hedge on a square metre of its faces, times detail."""
 
 
 def grow_hedge(
@@ -44,12 +44,14 @@ def _overgrown(
 ) -> Model:
     """A row of shrubs that grow into each other, of a few kinds, with some gaps."""
     at, model = 0.0, Model()
+    # Shrubs of a hedge hide each other: fewer leaves and twigs do.
+    coarse = config.model_copy(update={"detail": 0.6 * config.detail})
     while at < length:
         tall = height * rng.uniform(0.65, 1.15)
-        shrub = grow_shrub(rng, config, height=tall)
+        shrub = grow_shrub(rng, coarse, height=tall)
         where = (at - length / 2, rng.normal(0, 0.12 * height), 0.0)
         model += placed(shrub.model, where, rng.uniform(0, 2 * np.pi))
-        at += max(1.1 * shrub.radius, 0.35) * rng.uniform(0.7, 1.5)
+        at += max(shrub.radius, 0.35) * rng.uniform(0.6, 1.3)
     return _merged(model)
 
 
@@ -74,7 +76,7 @@ def _clipped(rng: np.random.Generator, config: PlantsConfig, length: float, heig
     faces = 2 * height * (length + depth) + length * depth
     area = draw(rng, config.hedge_leaf_density) * faces * 2 * SHELL
     bare = rng.random() < config.shrub_leafless
-    budget = LEAVES_PER_METER * config.detail * length
+    budget = LEAVES_PER_AREA * config.detail * faces
     number, scale = number_and_scale(area * (0.3 if bare else 1.0), kind, budget)
     places, outward = _shell(rng, number, sides, height)
     places, outward = _thinned(rng, places, outward)

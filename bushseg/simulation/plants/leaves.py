@@ -81,9 +81,8 @@ def leaves(
     """
     number = len(positions)
     theta, phi = inclinations(rng, kind.angles, number), rng.uniform(0, 2 * np.pi, number)
-    normals = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1
-    )
+    sin = np.sin(theta)
+    normals = np.stack([sin * np.cos(phi), sin * np.sin(phi), np.cos(theta)], axis=1)
     wish = headings + 0.8 * rng.standard_normal((number, 3))
     along = unit(wish - np.einsum("ij,ij->i", wish, normals)[:, None] * normals)
     across = np.cross(normals, along)

@@ -8,12 +8,15 @@ from bushseg.points import FloatArray
 from bushseg.simulation.materials import SHRUB_BARK, SHRUB_LEAF
 from bushseg.simulation.mesh import Model, Surface, join
 from bushseg.simulation.plants.branches import (
+    UP,
     Branches,
     blades,
     fitting,
+    growing,
     reaching,
     rods,
     sprouting,
+    unit,
 )
 from bushseg.simulation.plants.config import PlantsConfig, ShrubHabit
 from bushseg.simulation.plants.crowns import foliage, leaf_material, volume, within
@@ -88,9 +91,12 @@ def grow_shrub(
     build = HABITS[choose(rng, config.shrub_habits) if habit is None else habit]
     if height is None:
         height = draw(rng, config.shrub_height)
-    half = 0.5 * height * rng.uniform(*build.width)
+    # Tall shrubs are less wide for their height: they would be thickets, not plants.
+    half = min(0.5 * height * rng.uniform(*build.width), 1.2 + 0.35 * height)
     bare = rng.random() < config.shrub_leafless
     wood = shrub_wood(rng, build, half, height, (2.2 if bare else 1.0) * config.detail)
+    if rng.random() < config.shrub_shoots:
+        wood = (*wood[:3], _with_shoots(rng, wood[1], wood[3], min(2 * half, height)))
     profile = np.array(build.profile)
     area = draw(rng, config.shrub_leaf_density) * build.density * volume(profile, half, height)
     kind = LeafKind(
@@ -106,6 +112,7 @@ def grow_shrub(
         most=config.max_shrub_leaves * config.detail,
         spread=0.02 + 0.02 * half,
         lowest=max(height * rng.uniform(*build.bare), 0.02),
+        unevenness=config.leaf_unevenness,
     )
     model: Model = [
         Surface(leaves, leaf_material(rng, config, SHRUB_LEAF)),
@@ -170,6 +177,20 @@ def shrub_wood(
     fitted = (part.scaled(factors) for part in (stems, limbs, branches, twigs))
     stems, limbs, branches, twigs = fitted
     return stems, limbs, branches, twigs
+
+
+def _with_shoots(
+    rng: np.random.Generator, limbs: Branches, twigs: Branches, size: float
+) -> Branches:
+    """Add shoots to the twigs that grow out of the crown, up to half its `size`, metres."""
+    number = int(rng.integers(4, 25))
+    feet, axes, radii = limbs.at(rng.integers(len(limbs), size=number), rng.uniform(0.7, 1, number))
+    headings = unit(axes + rng.uniform(0.5, 2, (number, 1)) * UP)
+    lengths = rng.uniform(0.2, 0.5, number) * size
+    shoots = growing(rng, feet, headings, lengths, 0.6 * radii, knots=2)
+    return Branches(
+        np.concatenate([twigs.paths, shoots.paths]), np.concatenate([twigs.radii, shoots.radii])
+    )
 
 
 def _limbs(rng: np.random.Generator, stems: Branches, tips: FloatArray) -> Branches:

@@ -58,7 +58,7 @@ FORMS: dict[TreeForm, Form] = {
     "cone": Form(
         (3, 30),
         (0.25, 0.45),
-        (0.02, 0.2),
+        (0.02, 0.45),
         (1.0, 0.87, 0.72, 0.57, 0.42, 0.26, 0.05),
         (-18, 20),
         70,
@@ -66,7 +66,7 @@ FORMS: dict[TreeForm, Form] = {
         filling=1.0,
         droop=-0.3,
         twig=(0.2, 0.5),
-        density=1.7,
+        density=1.6,
         needles=True,
     ),
     "pine": Form(

@@ -85,6 +85,7 @@ def tree_wood(rng: np.random.Generator, build: Form, size: TreeSize, detail: flo
         knots=5 if hanging else 2,
         rise=build.droop,
     )
+    branches = _with_stubs(rng, stems, branches, size)
     factors = fitting(twigs, size.half, 0.98 * size.height)
     return TreeWood(
         stems.scaled(factors),
@@ -94,13 +95,39 @@ def tree_wood(rng: np.random.Generator, build: Form, size: TreeSize, detail: flo
     )
 
 
+def _with_stubs(
+    rng: np.random.Generator, stems: Branches, branches: Branches, size: TreeSize
+) -> Branches:
+    """Add to the branches what is left of dead boughs below the crown."""
+    number = int(rng.integers(0, 3 + int(4 * size.base)))
+    if not number:
+        return branches
+    stubs = sprouting(
+        rng,
+        stems,
+        number,
+        start=0.05,
+        angle=(75, 15),
+        length=(0.1, 0.2 + 0.06 * size.height),
+        thickness=0.15,
+        knots=4,
+    )
+    low = stubs.paths[:, 0, 2] < size.base
+    return Branches(
+        np.concatenate([branches.paths, stubs.paths[low]]),
+        np.concatenate([branches.radii, stubs.radii[low]]),
+    )
+
+
 def _stems(rng: np.random.Generator, build: Form, size: TreeSize) -> Branches:
     """Stems that taper to nothing at the top and swell at the foot."""
     number = int(rng.integers(build.stems[0], build.stems[1] + 1))
     around = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(number) / number
     out = np.stack([np.cos(around), np.sin(around), np.zeros(number)], axis=1)
     lone = number == 1
-    lean = np.abs(rng.normal(0, 3, 1)) if lone else rng.uniform(5, 16, number)
+    lean = (
+        np.abs(rng.normal(0, 1 if build.needles else 3, 1)) if lone else rng.uniform(5, 16, number)
+    )
     headings = tilted(rng, np.tile(UP, (number, 1)), lean) if lone else _leaning(out, lean)
     feet = (0.0 if lone else 1.6) * size.thick * out - 0.25 * UP
     lengths = (size.height * build.trunk + 0.25) * (1 if lone else rng.uniform(0.75, 1.0, number))
@@ -112,7 +139,7 @@ def _stems(rng: np.random.Generator, build: Form, size: TreeSize) -> Branches:
         np.ones(number),
         knots=TRUNK_KNOTS,
         rise=0.12 if lone else 0.25,
-        wiggle=0.025,
+        wiggle=0.012 if build.needles else 0.025,
     )
     z = np.maximum(curves.paths[:, :, 2], 0.0)
     # Taper is nearly linear above breast height (Kozak, simplified); roots swell the foot.
@@ -131,8 +158,10 @@ def _leaning(out: FloatArray, lean: FloatArray) -> FloatArray:
 def _boughs(rng: np.random.Generator, build: Form, size: TreeSize, stems: Branches) -> Branches:
     """Boughs from the stems to places in the crown."""
     crown = size.height - size.base
-    number = int(np.clip(build.boughs * (size.height / 10) ** 0.4, 12, 130))
-    tips = within(rng, np.array(build.profile), number, filling=build.filling)
+    long = crown / (0.7 * size.height)
+    number = int(np.clip(build.boughs * (size.height / 10) ** 0.4 * long, 14, 140))
+    power = 0.8 if build.needles else 1.7
+    tips = within(rng, np.array(build.profile), number, filling=build.filling, power=power)
     if build.needles:
         whorls = max(number // WHORL, 4)
         tips[:, 2] = (np.floor(tips[:, 2] * whorls) + 0.5 + rng.normal(0, 0.12, number)) / whorls

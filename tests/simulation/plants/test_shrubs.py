@@ -4,7 +4,7 @@ import pytest
 from bushseg.simulation.plants import PlantsConfig, grow_hedge, grow_shrub
 from bushseg.simulation.plants.shrubs import HABITS
 
-LEAVED = PlantsConfig(shrub_leafless=0)
+LEAVED = PlantsConfig(shrub_leafless=0, shrub_shoots=0)
 
 
 def vertices(plant):
@@ -26,6 +26,15 @@ def test_shrub_has_the_size_asked_for(habit, height):
     assert shrub.radius < 1.35 * widest + 0.2
     assert vertices(shrub)[:, 2].min() < 0  # stems are rooted
     assert 300 < num_triangles(shrub) < 20_000
+
+
+def test_shoots_stand_out_of_the_crown():
+    tops = []
+    for share in (0, 1):
+        config = PlantsConfig(shrub_leafless=0, shrub_shoots=share)
+        grown = (grow_shrub(np.random.default_rng(n), config, "mounded", 1.5) for n in range(6))
+        tops.append(np.mean([shrub.height for shrub in grown]))
+    assert 0.05 < tops[1] - tops[0] < 0.8
 
 
 def test_stated_size_is_measured():

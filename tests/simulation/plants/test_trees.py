@@ -5,7 +5,7 @@ from bushseg.simulation.plants import PlantsConfig, grow_dead_wood, grow_sapling
 from bushseg.simulation.plants.dead_wood import KINDS
 from bushseg.simulation.plants.tree_forms import FORMS
 
-LEAVED = PlantsConfig(tree_leafless=0)
+LEAVED = PlantsConfig(tree_leafless=0, tree_ivy=0)
 
 
 def vertices(plant):
@@ -48,9 +48,16 @@ def test_one_stem_unless_told_otherwise():
 
 
 def test_winter_trees_have_no_leaves_and_conifers_keep_needles():
-    winter = PlantsConfig(tree_leafless=1)
+    winter = PlantsConfig(tree_leafless=1, tree_ivy=0)
     assert len(grow_tree(np.random.default_rng(0), winter, "round", 8.0).model) == 1
     assert len(grow_tree(np.random.default_rng(0), winter, "cone", 8.0).model) == 2
+
+
+def test_ivy_clothes_the_lower_stem():
+    config = PlantsConfig(tree_leafless=1, tree_ivy=1)
+    wood, ivy = grow_tree(np.random.default_rng(0), config, "columnar", 12.0).model
+    assert len(ivy.mesh.triangles) > 100
+    assert ivy.mesh.vertices[:, 2].max() < 0.8 * wood.mesh.vertices[:, 2].max()
 
 
 def test_heights_are_brought_within_what_a_form_can_have():

@@ -4,7 +4,7 @@ A sensor's figures (`figures`, from data sheets) and settings (`config`) say whi
 (`tripod`, `spinning` along a `route`, `aerial`: batches of `rays`). Each ray is a beam of some
 width (`beam`); what comes back of it is grouped into returns, weakened, blurred and lost
 (`scanner`), given colors (`daylight`) and written (`output`). `recording` does all of it for one
-site.
+site; `variety` says how much sensors of one kind differ.
 """
 
 from bushseg.simulation.sensors.config import SensorConfig

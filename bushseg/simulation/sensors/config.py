@@ -34,6 +34,11 @@ class SensorConfig(Section):
     )
     stations: int = Field(3, ge=1, le=100, description="Tripod set-ups on a site")
     frames: int = Field(1, ge=1, le=1000, description="Frames of a spinning sensor, on the path")
+    vary: bool = Field(
+        False,
+        description="Draw another sensor of that kind for each site, within what such sensors "
+        "differ by (see `variety`); what is given stays",
+    )
     color: bool = Field(True, description="Whether points of LAZ files have RGB")
     shadows: bool = Field(True, description="Whether things cast shadows in the colors")
 

@@ -15,6 +15,7 @@ from bushseg.simulation.sensors.rays import Rays
 from bushseg.simulation.sensors.scanner import scan
 from bushseg.simulation.sensors.spinning import frame_rays, map_rays
 from bushseg.simulation.sensors.tripod import tripod_rays
+from bushseg.simulation.sensors.variety import varied
 from bushseg.simulation.site import Site
 
 RaysOf = Callable[[np.random.Generator, Site, SensorConfig], Iterator[Rays]]
@@ -50,7 +51,9 @@ def record(
         DataError: No ray came back.
         WriteError: The folder can't be written to.
     """
-    of_rays, of_noise = rng.spawn(2)
+    of_rays, of_noise, of_figures = rng.spawn(3)
+    if config.vary:
+        config = varied(of_figures, config)
     rays = SENSORS[config.kind](of_rays, site, config)
     returns = scan(of_noise, site.scene, rays, config)
     if config.kind != "spinning":

@@ -59,6 +59,13 @@ def test_the_same_stream_gives_the_same_file(site, tmp_path):
     assert path.read_bytes() == once
 
 
+def test_sensors_may_vary(site, tmp_path):
+    (path,) = run(site, tmp_path, kind="uav")
+    once = path.read_bytes()
+    (path,) = run(site, tmp_path, kind="uav", vary=True)
+    assert path.read_bytes() != once
+
+
 def test_frames_are_numbered_and_keep_their_zeros(site, tmp_path):
     written = run(site, tmp_path, kind="spinning", frames=2)
     assert [path.name for path in written] == ["site_000_000.bin", "site_000_001.bin"]

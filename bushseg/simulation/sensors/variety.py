@@ -1,0 +1,93 @@
+"""How much sensors of one kind differ: what a network should be indifferent to."""
+
+from typing import Any
+
+import numpy as np
+
+from bushseg.simulation.sensors.config import SensorConfig
+from bushseg.simulation.sensors.figures import Kind
+
+SPANS: dict[Kind, dict[str, tuple[float, float]]] = {
+    "tripod": {
+        "sensor_height": (1.2, 2.2),
+        "divergence": (0.2, 0.5),
+        "range_noise": (0.002, 0.006),
+        "registration_noise": (0.001, 0.01),
+        "dropout": (0.003, 0.05),
+    },
+    "phase": {
+        "sensor_height": (1.2, 2.2),
+        "reach": (30.0, 120.0),
+        "range_noise": (0.0005, 0.004),
+        "registration_noise": (0.001, 0.01),
+        "dropout": (0.003, 0.1),
+    },
+    "mobile": {
+        "sensor_height": (1.2, 2.2),
+        "turn_spacing": (0.4, 0.8),
+        "tilt": (25.0, 70.0),
+        "sway": (1.0, 6.0),
+        "registration_noise": (0.01, 0.05),
+        "dropout": (0.003, 0.1),
+    },
+    "spinning": {
+        "sensor_height": (0.6, 2.2),
+        "sway": (0.2, 3.0),
+        "dropout": (0.003, 0.2),
+    },
+    "vehicle": {
+        "sensor_height": (1.5, 2.4),
+        "turn_spacing": (0.8, 2.0),
+        "registration_noise": (0.01, 0.06),
+        "dropout": (0.003, 0.1),
+    },
+    "uav": {
+        "flight_height": (30.0, 80.0),
+        "pulse_spacing": (0.08, 0.2),
+        "scan_angle": (30.0, 45.0),
+        "overlap": (0.3, 0.7),
+        "divergence": (0.3, 1.6),
+        "range_noise": (0.005, 0.02),
+        "registration_noise": (0.01, 0.05),
+    },
+    "airborne": {
+        "flight_height": (300.0, 1500.0),
+        "pulse_spacing": (0.18, 0.7),  # 30 to 2 pulses a square metre and strip
+        "scan_angle": (15.0, 30.0),
+        "overlap": (0.1, 0.6),
+        "divergence": (0.25, 0.5),
+        "reach": (1200.0, 4000.0),
+        "range_noise": (0.01, 0.03),
+        "registration_noise": (0.02, 0.06),
+    },
+}
+"""Least and greatest value of each figure that is drawn."""
+
+CHOICES: dict[Kind, dict[str, tuple[str, ...]]] = {
+    "tripod": {"intensity": ("corrected", "raw")},
+    "phase": {},
+    "mobile": {"lidar": ("vlp-16", "hdl-32e"), "echo": ("strongest", "last")},
+    "spinning": {
+        "lidar": ("vlp-16", "hdl-32e", "hdl-64e", "os1-64", "os1-64", "os1-128"),
+        "echo": ("strongest", "last"),
+        "intensity": ("corrected", "raw"),
+    },
+    "vehicle": {"lidar": ("vlp-16", "hdl-32e", "hdl-64e", "os1-64"), "echo": ("strongest", "last")},
+    "uav": {"intensity": ("corrected", "raw")},
+    "airborne": {"intensity": ("corrected", "raw")},
+}
+"""What else is drawn, one as likely as another."""
+
+
+def varied(rng: np.random.Generator, config: SensorConfig) -> SensorConfig:
+    """Draw a sensor of that kind; what `config` gives stays.
+
+    Figures are drawn evenly by their logarithm. A setting that is given changes no other draw.
+    """
+    drawn: dict[str, Any] = {}
+    for name, (low, high) in SPANS[config.kind].items():
+        drawn[name] = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    for name, options in CHOICES[config.kind].items():
+        drawn[name] = options[rng.integers(len(options))]
+    free = {name: value for name, value in drawn.items() if getattr(config, name) is None}
+    return SensorConfig.model_validate({**config.model_dump(), **free})

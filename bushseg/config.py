@@ -9,7 +9,7 @@ import reprlib
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -32,6 +32,8 @@ class Section(BaseModel):
     """A group of settings: immutable, and strict about names."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    listed_by: ClassVar[str] = "bushseg config"
+    """The command that prints all settings."""
 
     @classmethod
     def from_dict(cls, values: dict[str, Any], source: str = "settings") -> Self:
@@ -43,7 +45,11 @@ class Section(BaseModel):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise ConfigError(f"{source}: {_first(error)}") from error
+            raise ConfigError(f"{source}: {_first(error, cls.listed_by)}") from error
+
+    def to_toml(self) -> str:
+        """Write all settings as TOML; those that are None are left out."""
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
 
 
 class PrepareConfig(Section):
@@ -199,15 +205,7 @@ class Config(Section):
         values: dict[str, Any] = {}
         file = Path(path) if path is not None else Path("bushseg.toml")
         if path is not None or file.exists():
-            try:
-                values = tomllib.loads(file.read_text(encoding="utf-8"))
-            except OSError as error:
-                raise ConfigError(
-                    f"{file}: can't be read ({error.strerror or error}); expected settings, such "
-                    "as `bushseg config` prints"
-                ) from error
-            except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-                raise ConfigError(f"{file}: can't be read as TOML ({error})") from error
+            values = read_toml(file)
         for section, settings in (overrides or {}).items():
             given = {name: value for name, value in settings.items() if value is not None}
             below = values.get(section, {})
@@ -215,9 +213,21 @@ class Config(Section):
             values[section] = {**below, **given} if isinstance(below, dict) else below
         return cls.from_dict(values, str(file) if values else "settings")
 
-    def to_toml(self) -> str:
-        """Write all settings as TOML; those that are None are left out."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises:
+        ConfigError: It is missing or no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: can't be read ({error.strerror or error}); expected settings, such as "
+            "`bushseg config` prints"
+        ) from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path}: can't be read as TOML ({error})") from error
 
 
 def first_difference(before: Section, now: Section) -> str | None:
@@ -242,12 +252,12 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield f"{prefix}{name}", value
 
 
-def _first(error: ValidationError) -> str:
+def _first(error: ValidationError, listed_by: str) -> str:
     """The first complaint of a validation, as one line."""
     detail = error.errors(include_url=False)[0]
     name = ".".join(str(part) for part in detail["loc"]) or "settings"
     if detail["type"] == "extra_forbidden":
-        return f"{name} is no known setting; `bushseg config` lists them"
+        return f"{name} is no known setting; `{listed_by}` lists them"
     if detail["type"] == "missing":
         return f"{name} is missing"
     return f"{name} is {detail['input']!r}: {detail['msg']}"

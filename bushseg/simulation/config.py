@@ -1,29 +1,48 @@
 """What a simulated site holds and how it is scanned."""
 
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
+
 from pydantic import Field
 
-from bushseg.config import Section
-from bushseg.simulation.sensors import SensorConfig
+from bushseg.config import Section, read_toml
+from bushseg.simulation.places.config import PlaceName, PlacesConfig
+from bushseg.simulation.plants.config import PlantsConfig
+from bushseg.simulation.sensors.config import SensorConfig
+from bushseg.simulation.terrain import TerrainConfig
 
 
 class SimulateConfig(Section):
     """Settings of :func:`bushseg.simulation.simulate`; defaults give about 500 k points."""
 
-    num_sites: int = Field(1, ge=1, le=1000, description="Sites to make, each another")
+    listed_by: ClassVar[str] = "bushseg simulate --show-config"
+
+    num_sites: int = Field(1, ge=1, le=10_000, description="Sites to make, each another")
     seed: int = Field(0, ge=0, description="Seed; the same seed gives the same points")
-
     size: float = Field(40.0, ge=20, le=500, description="Edge of the square site, metres")
-    slope: float = Field(3.0, ge=0, le=30, description="Steepest general slope, degrees")
-    relief: float = Field(
-        0.15, ge=0, le=10, description="Standard deviation of heights about that slope, metres"
+    place: PlaceName | Literal["mixed"] = Field(
+        "garden", description="What the sites are; mixed draws a place for each, by weight"
     )
-    num_bushes: int = Field(50, ge=0, le=5000, description="Bushes, a length of hedge being one")
-    num_trees: int = Field(9, ge=0, le=1000, description="Trees")
-    grass_density: float = Field(60.0, ge=0, le=1000, description="Grass blades per square metre")
-    building: bool = Field(True, description="Whether a house stands on the site")
-    boundary: bool = Field(True, description="Whether a fence and a wall run along the edges")
-    num_poles: int = Field(3, ge=0, le=100, description="Lamp posts")
-    num_vehicles: int = Field(1, ge=0, le=100, description="Parked cars")
-    num_people: int = Field(2, ge=0, le=100, description="People standing about")
+    sensor: SensorConfig = SensorConfig()
+    terrain: TerrainConfig = TerrainConfig()
+    plants: PlantsConfig = PlantsConfig()
+    places: PlacesConfig = PlacesConfig()
 
-    sensor: SensorConfig = Field(SensorConfig(), description="How it is scanned")
+    @classmethod
+    def load(cls, path: str | Path | None = None, overrides: dict[str, Any] | None = None) -> Self:
+        """Read a TOML file, if one is given, and lay overrides on top.
+
+        Args:
+            path: The file; what it doesn't set keeps its default.
+            overrides: Settings by name; one that holds a table, such as `sensor`, is laid over
+                the file's table.
+
+        Raises:
+            ConfigError: The file is missing, no TOML, or holds an unknown or bad setting.
+        """
+        values = {} if path is None else read_toml(Path(path))
+        for name, given in (overrides or {}).items():
+            below = values.get(name)
+            both = isinstance(given, dict) and isinstance(below, dict)
+            values[name] = {**below, **given} if both else given
+        return cls.from_dict(values, "settings" if path is None else str(path))

@@ -28,6 +28,16 @@ GLASS = Material(0.08, (70, 84, 98))
 WOOD = Material(0.50, (140, 102, 66))
 STONE = Material(0.45, (150, 146, 138))
 METAL = Material(0.60, (120, 124, 128))
+BRICK = Material(0.38, (142, 92, 74))
+CONCRETE = Material(0.42, (164, 162, 156))
+STRAW = Material(0.62, (196, 176, 112))
+ASPHALT = Material(0.14, (84, 84, 86))
+SAND = Material(0.45, (186, 170, 134))
+LITTER = Material(0.40, (118, 92, 62))
+MEADOW = Material(0.46, (122, 132, 66))
+WATER = Material(0.01, (74, 80, 78))
+"""Near infrared is swallowed, and what is mirrored goes elsewhere."""
+
 RUBBER = Material(0.06, (36, 36, 38))
 SKIN = Material(0.45, (206, 164, 138))
 
@@ -77,6 +87,8 @@ PAINT = (
     Material(0.55, (168, 36, 36)),
     Material(0.70, (222, 222, 224)),
     Material(0.30, (44, 62, 104)),
+    Material(0.25, (52, 54, 56)),
+    Material(0.45, (52, 92, 58)),
 )
 CLOTH = (
     Material(0.50, (196, 124, 40)),

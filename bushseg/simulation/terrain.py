@@ -1,17 +1,40 @@
-"""The ground: a gentle heightfield, and what it is covered with."""
+"""The ground: a heightfield."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import Field
 
+from bushseg.config import Positive, Section
 from bushseg.points import FloatArray
-from bushseg.simulation.config import SimulateConfig
-from bushseg.simulation.materials import GRAVEL, LAWN, SOIL
-from bushseg.simulation.mesh import Mesh, Model, Surface
+from bushseg.simulation.mesh import Mesh
+from bushseg.simulation.ranges import Range
 
-CELL = 0.4
-DRIVE_WIDTH = 3.0
+
+class TerrainConfig(Section):
+    """How the ground is shaped, wherever it is."""
+
+    cell: float | None = Field(
+        None,
+        ge=0.1,
+        le=2,
+        description="Grid spacing, metres; None: a two-hundredth of the site, 0.2 to 0.4",
+    )
+    slope: Range | None = Field(
+        None, description="Steepest general slope, degrees; None: what the place has"
+    )
+    relief: Range | None = Field(
+        None,
+        description="Standard deviation of heights about that slope, metres; None: what the "
+        "place has",
+    )
+    shortest_wave: Positive = Field(6.0, description="Shortest knolls and hollows, metres")
+    longest_wave: Positive = Field(40.0, description="Longest knolls and hollows, metres")
+
+    def spacing(self, size: float) -> float:
+        """Grid spacing for a site of `size` metres, such that cells fit it exactly."""
+        wanted = float(np.clip(size / 200, 0.2, 0.4)) if self.cell is None else self.cell
+        return size / np.ceil(size / wanted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,17 +82,38 @@ class Terrain:
         return Mesh.of(vertices.reshape(-1, 3), triangles.reshape(-1, 3))
 
 
-def make_terrain(rng: np.random.Generator, config: SimulateConfig) -> Terrain:
-    """Draw a terrain: a slope, knolls and hollows, and roughness of a centimetre or two."""
-    side = int(np.ceil(config.size / CELL)) + 1
-    x, y = np.meshgrid(*[np.arange(side) * CELL] * 2, indexing="ij")
-    xy = np.stack([x.ravel(), y.ravel()], axis=1)
+def make_terrain(
+    rng: np.random.Generator,
+    config: TerrainConfig,
+    size: float,
+    *,
+    slope: float,
+    relief: float,
+    roughness: float,
+) -> Terrain:
+    """Draw a terrain: a slope, knolls and hollows, and roughness.
+
+    Args:
+        rng: Source of randomness.
+        config: Grid spacing and wavelengths.
+        size: Edge of the site, metres.
+        slope: Steepest general slope, degrees.
+        relief: Standard deviation of heights about it, metres.
+        roughness: Standard deviation of heights from cell to cell, metres.
+    """
+    cell = config.spacing(size)
+    side = round(size / cell) + 1
+    at = np.arange(side) * cell
+    xy = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1).reshape(-1, 2)
     azimuth = rng.uniform(0, 2 * np.pi)
-    steepness = np.tan(np.radians(config.slope)) * rng.uniform(0.4, 1)
+    steepness = np.tan(np.radians(slope)) * rng.uniform(0.4, 1)
     plane = xy @ np.array([np.cos(azimuth), np.sin(azimuth)]) * steepness
-    knolls = config.relief * waves(rng, xy, shortest=8, longest=30)
-    roughness = 0.015 * rng.standard_normal(len(xy))
-    return Terrain((plane + knolls + roughness).reshape(side, side), CELL)
+    knolls = relief * waves(
+        rng, xy, shortest=config.shortest_wave, longest=max(config.longest_wave, config.shortest_wave)
+    )
+    rough = roughness * rng.standard_normal(len(xy))
+    rough += 0.7 * roughness * waves(rng, xy, shortest=0.8, longest=3)
+    return Terrain((plane + knolls + rough).reshape(side, side), cell)
 
 
 def waves(
@@ -93,34 +137,3 @@ def waves(
     amplitudes *= np.sqrt(2 / np.sum(amplitudes**2))
     phase = xy @ (np.stack([np.cos(angles), np.sin(angles)]) * numbers)
     return np.sin(phase + rng.uniform(0, 2 * np.pi, number)) @ amplitudes
-
-
-def cover(rng: np.random.Generator, terrain: Terrain, drive: FloatArray | None) -> Model:
-    """Clothe the terrain in lawn, bare soil and, along the drive, gravel.
-
-    Args:
-        rng: Source of randomness.
-        terrain: The ground.
-        drive: The ends of a drive, metres, shape (2, 2), or None.
-
-    Returns:
-        Surfaces that together are the whole ground, each triangle once.
-    """
-    mesh = terrain.mesh()
-    centers = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2].astype(np.float64)
-    kind = (waves(rng, centers, shortest=3, longest=15) > 0.9).astype(np.intp)
-    kind[on_drive(centers, drive)] = 2
-    return [
-        Surface(Mesh(mesh.vertices, mesh.triangles[kind == index]), material)
-        for index, material in enumerate((LAWN, SOIL, GRAVEL))
-        if np.any(kind == index)
-    ]
-
-
-def on_drive(xy: FloatArray, drive: FloatArray | None) -> NDArray[np.bool_]:
-    """Which of `xy` (N, 2) lie on the drive (2, 2), `DRIVE_WIDTH` wide; none without a drive."""
-    if drive is None:
-        return np.zeros(len(xy), dtype=bool)
-    along = drive[1] - drive[0]
-    t = np.clip((xy - drive[0]) @ along / (along @ along), 0, 1)
-    return np.linalg.norm(xy - drive[0] - t[:, None] * along, axis=1) < DRIVE_WIDTH / 2

@@ -1,0 +1,91 @@
+"""Where a site's plants come from: some of each kind are grown, the rest are copies."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bushseg.simulation.plants import (
+    Plant,
+    PlantsConfig,
+    Pool,
+    grow_dead_wood,
+    grow_hedge,
+    grow_sapling,
+    grow_shrub,
+    grow_tree,
+)
+
+MOST_TRIANGLES = 3_500_000
+"""About what a site's plants may have; more plants are drawn with fewer and larger leaves."""
+
+TRIANGLES = {"trees": 26_000, "shrubs": 8_000, "saplings": 8_000, "hedges": 2_500}
+"""What one of each (a metre of hedge) has at full detail, roughly."""
+
+LEAST_DETAIL = 0.06
+
+
+class Nursery:
+    """Pools of plants, all of a site's own draw.
+
+    Attributes:
+        config: How plants grow, with as much detail as the site can afford.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        config: PlantsConfig,
+        amounts: Mapping[str, float],
+        size: float,
+        *,
+        fruit: bool = False,
+    ) -> None:
+        """Prepare pools; nothing grows before it is asked for.
+
+        Args:
+            rng: Source of randomness.
+            config: How plants grow.
+            amounts: How many there will be per 1000 square metres, by kind, and their `vigor`, a
+                factor on their heights.
+            size: Edge of the site, metres.
+            fruit: Whether trees are an orchard's.
+        """
+        detail = config.detail * min(1.0, MOST_TRIANGLES / max(_triangles(amounts, size), 1.0))
+        plants = config.model_copy(update={"detail": max(detail, LEAST_DETAIL)})
+        self.config = plants
+        self._rng, self._vigor = rng, amounts["vigor"]
+        self._trees = Pool(lambda: grow_tree(rng, plants, "fruit" if fruit else None), 16)
+        self._shrubs = Pool(lambda: grow_shrub(rng, plants), 36)
+        self._saplings = Pool(lambda: grow_sapling(rng, plants), 12)
+        self._dead_wood = Pool(lambda: grow_dead_wood(rng, plants), 10)
+
+    def tree(self) -> Plant:
+        """A tree."""
+        return self._grown(self._trees)
+
+    def shrub(self) -> Plant:
+        """A shrub."""
+        return self._grown(self._shrubs)
+
+    def sapling(self) -> Plant:
+        """A sapling."""
+        return self._grown(self._saplings)
+
+    def dead_wood(self) -> Plant:
+        """A snag, log, stump or brush heap."""
+        return self._dead_wood.take(self._rng)
+
+    def hedge(self, length: float, height: float | None = None) -> Plant:
+        """A length of hedge along x, metres."""
+        return grow_hedge(self._rng, self.config, length, height)
+
+    def _grown(self, pool: Pool) -> Plant:
+        plant = pool.take(self._rng)
+        return plant.scaled((self._vigor, self._vigor, self._vigor))
+
+
+def _triangles(amounts: Mapping[str, float], size: float) -> float:
+    """What a site's plants would have at full detail, roughly."""
+    below = amounts["undergrowth"] * amounts["trees"] * TRIANGLES["shrubs"]
+    wanted = sum(amounts[kind] * number for kind, number in TRIANGLES.items()) + below
+    return wanted * size**2 / 1000

@@ -213,6 +213,7 @@ class Config(Section):
             values[section] = {**below, **given} if isinstance(below, dict) else below
         return cls.from_dict(values, str(file) if values else "settings")
 
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 

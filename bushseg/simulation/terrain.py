@@ -109,7 +109,10 @@ def make_terrain(
     steepness = np.tan(np.radians(slope)) * rng.uniform(0.4, 1)
     plane = xy @ np.array([np.cos(azimuth), np.sin(azimuth)]) * steepness
     knolls = relief * waves(
-        rng, xy, shortest=config.shortest_wave, longest=max(config.longest_wave, config.shortest_wave)
+        rng,
+        xy,
+        shortest=config.shortest_wave,
+        longest=max(config.longest_wave, config.shortest_wave),
     )
     rough = roughness * rng.standard_normal(len(xy))
     rough += 0.7 * roughness * waves(rng, xy, shortest=0.8, longest=3)

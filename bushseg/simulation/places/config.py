@@ -61,9 +61,7 @@ class PlaceConfig(Section):
     def drawn(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw all ranges for one site, by name."""
         return {
-            name: float(rng.uniform(*value))
-            for name, value in self
-            if isinstance(value, tuple)
+            name: float(rng.uniform(*value)) for name, value in self if isinstance(value, tuple)
         }
 
     @classmethod

@@ -108,5 +108,3 @@ def _border(b: Builder) -> None:
         elif b.rng.random() < 0.6:
             kinds = ("wire", "wire", "picket", "wall")
             b.enclose(line, kinds[b.rng.integers(4)], b.rng.uniform(0.9, 1.4))
-
-

@@ -146,4 +146,3 @@ def _rooted(b: Builder, cells: NDArray[np.bool_], number: int) -> FloatArray:
     liking = np.exp(0.8 * waves(b.rng, middles, shortest=1.5, longest=12))
     chosen = b.rng.choice(len(index), number, p=liking / liking.sum())
     return middles[chosen] + b.rng.uniform(-0.5, 0.5, (number, 2)) * b.ground.cell
-

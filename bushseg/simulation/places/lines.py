@@ -1,8 +1,7 @@
 """Lines on the ground: ways, hedgerows, edges of woods."""
 
-from itertools import pairwise
-
 import numpy as np
+from scipy.spatial import cKDTree
 
 from bushseg.points import FloatArray
 
@@ -79,7 +78,9 @@ def stretch(line: FloatArray, low: float, high: float) -> FloatArray:
     """The part of a line (P, 2) between two shares of its length."""
     total = length(line)
     points, _ = spaced(line, max(total * (high - low) / 40, 0.5), low * total)
-    return points[: max(int(np.ceil(total * (high - low) / max(total * (high - low) / 40, 0.5))), 2)]
+    return points[
+        : max(int(np.ceil(total * (high - low) / max(total * (high - low) / 40, 0.5))), 2)
+    ]
 
 
 def nearest(line: FloatArray, xy: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -93,21 +94,27 @@ def nearest(line: FloatArray, xy: FloatArray) -> tuple[FloatArray, FloatArray, F
         Signed distances from the line, positive to its left (N,); the nearest points on the line
         (N, 2); how far along it these are (N,). All in metres.
     """
+    line = line[np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9])]
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    reached = np.concatenate([[0.0], np.cumsum(steps)])
+    # The nearest segment is one of the two at the nearest of points close to each other.
+    count = np.maximum(np.ceil(steps / 0.5).astype(int), 1)
+    owner = np.repeat(np.arange(len(steps)), count)
+    t = (np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)) / count[owner]
+    dense = np.vstack([line[owner] + t[:, None] * np.diff(line, axis=0)[owner], line[-1:]])
+    at = cKDTree(dense).query(xy)[1]
+    owner = np.append(owner, len(steps) - 1)
     best = np.full(len(xy), np.inf)
-    side, on, reached = np.zeros(len(xy)), np.zeros((len(xy), 2)), np.zeros(len(xy))
-    so_far = 0.0
-    for a, b in pairwise(line):
-        along = b - a
-        step = float(np.linalg.norm(along))
-        if step < 1e-9:
-            continue
-        t = np.clip((xy - a) @ along / step**2, 0, 1)
-        foot = a + t[:, None] * along
+    side, on, along = np.zeros(len(xy)), np.zeros((len(xy), 2)), np.zeros(len(xy))
+    for segment in (owner[np.maximum(at - 1, 0)], owner[at]):
+        a, way = line[segment], (line[1:] - line[:-1])[segment]
+        share = np.clip(((xy - a) * way).sum(axis=1) / (way * way).sum(axis=1), 0, 1)
+        foot = a + share[:, None] * way
         off = xy - foot
-        distance = np.einsum("ij,ij->i", off, off)
+        distance = np.hypot(off[:, 0], off[:, 1])
         better = distance < best
-        best[better], on[better] = distance[better], foot[better]
-        side[better] = (along[0] * off[:, 1] - along[1] * off[:, 0])[better]
-        reached[better] = so_far + t[better] * step
-        so_far += step
-    return np.where(side < 0, -1, 1) * np.sqrt(best), on, reached
+        best = np.where(better, distance, best)
+        on = np.where(better[:, None], foot, on)
+        side = np.where(better, way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0], side)
+        along = np.where(better, reached[segment] + share * steps[segment], along)
+    return np.where(side < 0, -1, 1) * best, on, along

@@ -53,23 +53,26 @@ class Nursery:
         detail = config.detail * min(1.0, MOST_TRIANGLES / max(_triangles(amounts, size), 1.0))
         plants = config.model_copy(update={"detail": max(detail, LEAST_DETAIL)})
         self.config = plants
-        self._rng, self._vigor = rng, amounts["vigor"]
-        self._trees = Pool(lambda: grow_tree(rng, plants, "fruit" if fruit else None), 16)
-        self._shrubs = Pool(lambda: grow_shrub(rng, plants), 36)
-        self._saplings = Pool(lambda: grow_sapling(rng, plants), 12)
+        self._rng = rng
+        vigor = (amounts["vigor"], amounts["vigor"], amounts["vigor"])
+        self._trees = Pool(
+            lambda: grow_tree(rng, plants, "fruit" if fruit else None).scaled(vigor), 16
+        )
+        self._shrubs = Pool(lambda: grow_shrub(rng, plants).scaled(vigor), 36)
+        self._saplings = Pool(lambda: grow_sapling(rng, plants).scaled(vigor), 12)
         self._dead_wood = Pool(lambda: grow_dead_wood(rng, plants), 10)
 
     def tree(self) -> Plant:
         """A tree."""
-        return self._grown(self._trees)
+        return self._trees.take(self._rng)
 
     def shrub(self) -> Plant:
         """A shrub."""
-        return self._grown(self._shrubs)
+        return self._shrubs.take(self._rng)
 
     def sapling(self) -> Plant:
         """A sapling."""
-        return self._grown(self._saplings)
+        return self._saplings.take(self._rng)
 
     def dead_wood(self) -> Plant:
         """A snag, log, stump or brush heap."""
@@ -78,10 +81,6 @@ class Nursery:
     def hedge(self, length: float, height: float | None = None) -> Plant:
         """A length of hedge along x, metres."""
         return grow_hedge(self._rng, self.config, length, height)
-
-    def _grown(self, pool: Pool) -> Plant:
-        plant = pool.take(self._rng)
-        return plant.scaled((self._vigor, self._vigor, self._vigor))
 
 
 def _triangles(amounts: Mapping[str, float], size: float) -> float:

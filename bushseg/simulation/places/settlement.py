@@ -91,7 +91,11 @@ def yard(b: Builder) -> None:
     for _ in range(int(b.rng.integers(1, 2 + round(b.size / 15)))):
         radius = b.rng.uniform(1.0, 3.2)
         place = b.ground.claim(b.anywhere(), 0.8 * radius)
-        b.scene.add(placed(heap(b.rng, radius), b.ground.terrain.point(place), b.yaw()), "ground", instance=False)
+        b.scene.add(
+            placed(heap(b.rng, radius), b.ground.terrain.point(place), b.yaw()),
+            "ground",
+            instance=False,
+        )
 
 
 def _edges(size: float) -> list[tuple[FloatArray, FloatArray]]:

@@ -8,8 +8,6 @@ and stumps are "tree" as the wood they are; a heap of brush is "bush", as it is 
 past it. Grass and herbs are "low vegetation".
 """
 
-from typing import TYPE_CHECKING, Any
-
 from bushseg.simulation.plants.config import PlantsConfig
 from bushseg.simulation.plants.dead_wood import grow_dead_wood
 from bushseg.simulation.plants.grass import grow_grass
@@ -20,17 +18,10 @@ from bushseg.simulation.plants.scatter import scatter
 from bushseg.simulation.plants.shrubs import grow_shrub
 from bushseg.simulation.plants.trees import grow_sapling, grow_tree
 
-if TYPE_CHECKING:
-    from bushseg.simulation.plants.early import HABITS, Form, Habit, bush, tree
-
 __all__ = [
-    "HABITS",
-    "Form",
-    "Habit",
     "Plant",
     "PlantsConfig",
     "Pool",
-    "bush",
     "grow_dead_wood",
     "grow_grass",
     "grow_hedge",
@@ -39,14 +30,4 @@ __all__ = [
     "grow_shrub",
     "grow_tree",
     "scatter",
-    "tree",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    """Fetch the plants of old late: they need the terrain, which needs all settings."""
-    if name in {"HABITS", "Form", "Habit", "bush", "tree"}:
-        from bushseg.simulation.plants import early
-
-        return getattr(early, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

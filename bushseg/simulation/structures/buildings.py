@@ -10,11 +10,11 @@ from bushseg.simulation.materials import (
     CONCRETE,
     GLASS,
     METAL,
-    Material,
     PLASTER,
     STONE,
     TILES,
     WOOD,
+    Material,
 )
 from bushseg.simulation.mesh import Mesh, Model, Surface, box, join, polyhedron, tubes
 

@@ -13,7 +13,9 @@ def bench(rng: np.random.Generator) -> Model:
     """A bench along x, with or without a back."""
     x = rng.uniform(0.7, 1.0)
     parts = [box((-x, -0.22, 0.42), (x, 0.22, 0.47))]
-    parts += [box((s * 0.8 * x - 0.04, -0.2, -0.1), (s * 0.8 * x + 0.04, 0.2, 0.42)) for s in (-1, 1)]
+    parts += [
+        box((s * 0.8 * x - 0.04, -0.2, -0.1), (s * 0.8 * x + 0.04, 0.2, 0.42)) for s in (-1, 1)
+    ]
     if rng.random() < 0.7:
         parts += [box((-x, 0.2, z), (x, 0.24, z + 0.12)) for z in (0.55, 0.75)]
     return [Surface(join(parts), WOOD)]
@@ -121,7 +123,9 @@ def pallets(rng: np.random.Generator) -> Model:
         + [box((x - 0.05, -0.4, 0), (x + 0.05, 0.4, 0.1)) for x in (-0.5, 0, 0.5)]
     )
     if rng.random() < 0.5:
-        return [Surface(instances(deck, np.array([(0, 0, 0.145 * n) for n in range(levels)])), WOOD)]
+        return [
+            Surface(instances(deck, np.array([(0, 0, 0.145 * n) for n in range(levels)])), WOOD)
+        ]
     load = box((-0.55, -0.38, 0.14), (0.55, 0.38, rng.uniform(0.5, 1.4)))
     return [Surface(deck, WOOD), Surface(load, CONCRETE)]
 

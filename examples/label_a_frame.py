@@ -16,7 +16,7 @@ def main() -> None:
     names = model.card.scheme.names
 
     (path,) = bushseg.simulate(
-        Path("frames"), SimulateConfig(sensor={"kind": "spinning"}, size=20, num_bushes=15, seed=7)
+        Path("frames"), SimulateConfig(sensor={"kind": "spinning"}, size=20, seed=7)
     )
     frame = bushseg.read(path)
     begun = perf_counter()

@@ -12,8 +12,6 @@ from bushseg.simulation import SimulateConfig
 SMALL = {
     "size": 20,
     "sensor": {"stations": 2, "angular_step": 0.7},
-    "num_bushes": 15,
-    "num_trees": 2,
 }
 
 

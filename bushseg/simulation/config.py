@@ -43,6 +43,8 @@ class SimulateConfig(Section):
         values = {} if path is None else read_toml(Path(path))
         for name, given in (overrides or {}).items():
             below = values.get(name)
-            both = isinstance(given, dict) and isinstance(below, dict)
-            values[name] = {**below, **given} if both else given
+            if isinstance(given, dict) and isinstance(below, dict):
+                values[name] = {**below, **given}
+            elif given != {}:
+                values[name] = given
         return cls.from_dict(values, "settings" if path is None else str(path))

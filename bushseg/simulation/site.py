@@ -56,6 +56,11 @@ class Site:
     path: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     place: PlaceName = "garden"
 
+    def __post_init__(self) -> None:
+        """Without a path, go from station to station."""
+        if not len(self.path):
+            object.__setattr__(self, "path", self.stations[:, :2])
+
 
 def make_site(rng: np.random.Generator, config: SimulateConfig) -> Site:
     """Draw a site of `config.size` metres with its corner at the origin.

@@ -69,6 +69,14 @@ class Builder:
         wanted = share * self.amounts[name] * self.size**2 / REFERENCE_AREA
         return int(wanted) + bool(self.rng.random() < wanted % 1)
 
+    def fenced(self, chance: float) -> bool:
+        """Whether a fence or wall that is usual with a `chance` stands on this site."""
+        return bool(self.rng.random() < chance * self.amounts["boundaries"])
+
+    def has(self, name: str) -> bool:
+        """Whether the site holds any of something."""
+        return self.amounts[name] > 0
+
     def yaw(self) -> float:
         """Any direction, radians."""
         return float(self.rng.uniform(0, 2 * np.pi))

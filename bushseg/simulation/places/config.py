@@ -47,11 +47,14 @@ class PlaceConfig(Section):
     saplings: Range = Field((0, 6), description="Saplings")
     undergrowth: Range = Field((0, 1), description="Shrubs and saplings below a tree's crown")
     dead_wood: Range = Field((0, 0.5), description="Snags, logs, stumps and brush heaps")
-    grass: Range = Field((5, 14), description="Tufts of grass, per square metre")
+    grass: Range = Field((12, 30), description="Tufts of grass, per square metre")
     herbs: Range = Field((0, 0.4), description="Herbs, per square metre")
     mown: Range = Field((0, 0.5), description="Share of the grass that is kept short")
-    rocks: Range = Field((0, 1), description="Rocks")
+    rocks: Range = Field((0, 1), description="Rocks, and heaps in yards")
     puddles: Range = Field((0, 0.3), description="Puddles")
+    boundaries: Range = Field(
+        (0.6, 1.4), description="Fences, walls and guard rails, over what is usual there"
+    )
     buildings: Range = Field((0, 0), description="Buildings")
     vehicles: Range = Field((0, 0), description="Vehicles, standing or passing")
     people: Range = Field((0, 1), description="People")
@@ -81,7 +84,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         saplings=(0, 2),
         mown=(0.4, 1),
         rocks=(0, 0.5),
-        buildings=(0.5, 1),
+        buildings=(0.7, 1.9),
         vehicles=(0.5, 1.2),
         people=(0.7, 1.6),
         poles=(1, 2.5),
@@ -104,7 +107,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         hedges=(20, 60),
         trees=(0.5, 4),
         saplings=(0, 5),
-        grass=(6, 14),
+        grass=(15, 35),
         herbs=(0, 0.8),
         vehicles=(0, 0.4),
         furniture=(0, 1),
@@ -157,7 +160,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         saplings=(4, 35),
         undergrowth=(0.1, 1.0),
         dead_wood=(2, 10),
-        grass=(0.5, 6),
+        grass=(1, 10),
         herbs=(0.3, 2.5),
         mown=(0, 0),
         rocks=(0, 4),
@@ -171,7 +174,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         trees=(0.3, 5),
         saplings=(1, 12),
         dead_wood=(0, 2),
-        grass=(6, 16),
+        grass=(15, 40),
         herbs=(0.1, 1.2),
         mown=(0, 0),
         rocks=(0, 8),
@@ -198,7 +201,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         saplings=(2, 15),
         undergrowth=(0.1, 1.5),
         dead_wood=(0.2, 3),
-        grass=(8, 18),
+        grass=(15, 40),
         herbs=(0.2, 1.5),
         mown=(0, 0.1),
         rocks=(0.5, 10),
@@ -212,7 +215,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         clumping=(0.5, 0.9),
         trees=(0.5, 4),
         saplings=(1, 8),
-        grass=(1, 6),
+        grass=(4, 15),
         herbs=(0.1, 0.8),
         mown=(0, 0.2),
         rocks=(0, 3),

@@ -24,7 +24,7 @@ def orchard(b: Builder) -> None:
     places = b.size / 2 + i.ravel()[:, None] * rows * across + j.ravel()[:, None] * steps * along
     places += b.rng.normal(0, 0.15, places.shape)
     inside = ((places > 1.5) & (places < b.size - 1.5)).all(axis=1)
-    for place in places[inside]:
+    for place in places[inside] if density > 0 else ():
         if b.rng.random() < 0.93:  # gaps, where a tree has died
             b.tree_at(place)
     b.amounts["trees"] = 0.0
@@ -52,12 +52,12 @@ def fields(b: Builder) -> None:
             b.ground.bank(part, 1.2, b.rng.uniform(0.2, 0.7))
         if b.rng.random() < 0.4:
             b.ground.trench(beside(part, 1.8), 0.7, b.rng.uniform(0.3, 0.8))
-        if b.rng.random() < 0.4:
+        if b.fenced(0.4):
             b.enclose(beside(part, -1.2), "wire", b.rng.uniform(1.0, 1.3))
         b.hedgerow(part)
     b.amounts["hedges"] = 0.0
-    side, _, _ = nearest(lines[0], b.ground.centers())
-    cut = (side > 0).reshape(b.mown.shape)
+    off, _, _ = nearest(lines[0], b.ground.centers())
+    cut = (off > 0).reshape(b.mown.shape)
     if b.rng.random() < b.amounts["mown"] * 2:
         b.mown |= cut
         b.ground.lay(cut & (b.ground.covered == 0), MEADOW)
@@ -77,12 +77,12 @@ def park(b: Builder) -> None:
         b.ground.lay(b.ground.within(way, half), paving)
         b.ground.clear(way, half)
         b.bare |= b.ground.within(way, half)
-        for name in ("bench", "bin"):
+        for name in ("bench", "bin") if b.has("furniture") else ():
             for place in b.along(way, half + 0.6, 2):
                 b.stand(FURNITURE[name](b.rng), "man-made", 0.4, place[None])
     for _ in range(b.count("buildings")):
         b.build("shed" if b.rng.random() < 0.5 else "flat", b.anywhere(), b.yaw())
-    if b.rng.random() < 0.5:
+    if b.has("furniture") and b.rng.random() < 0.5:
         center = b.ground.claim(b.anywhere(), 4.0, keep=0.0)
         for name in ("swing", "climbing frame", "table"):
             around = center + b.rng.normal(0, 2.0, (40, 2))
@@ -105,6 +105,6 @@ def _border(b: Builder) -> None:
         if left > b.size / 2:
             b.hedgerow(line)
             left -= b.size
-        elif b.rng.random() < 0.6:
+        elif b.fenced(0.6):
             kinds = ("wire", "wire", "picket", "wall")
             b.enclose(line, kinds[b.rng.integers(4)], b.rng.uniform(0.9, 1.4))

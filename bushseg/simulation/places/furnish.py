@@ -17,7 +17,7 @@ from bushseg.simulation.structures.poles import lamp_post, marker, sign
 from bushseg.simulation.structures.vehicles import VEHICLES
 from bushseg.simulation.terrain import waves
 
-LARGEST_MEADOW = 120_000
+LARGEST_MEADOW = 160_000
 """A site has at most so many tufts of grass; sparser ones will do for a large site."""
 
 

@@ -1,7 +1,7 @@
 """A site's ground while it is being laid out: its shape, its cover and what is taken."""
 
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ MARGIN = 1.0
 
 FREE, PLANT, WAY, BUILT = range(4)
 """What a cell of the ground holds: nothing, a plant's foot, a way to be kept free, a thing."""
+
+Value = TypeVar("Value", bound=np.generic)
 
 
 @dataclass(slots=True)
@@ -64,7 +66,7 @@ class Ground:
         at = np.arange(len(self.terrain.heights)) * self.cell
         return np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1).reshape(-1, 2)
 
-    def at(self, values: NDArray[np.generic], xy: FloatArray) -> NDArray[np.generic]:
+    def at(self, values: NDArray[Value], xy: FloatArray) -> NDArray[Value]:
         """A map's values (C, C) at places (N, 2); beyond the edge the nearest cell's."""
         i, j = np.clip((xy / self.cell).astype(np.intp), 0, len(values) - 1).T
         return values[i, j]
@@ -130,7 +132,7 @@ class Ground:
     def take(self, xy: FloatArray, radii: FloatArray, what: int) -> None:
         """Mark discs around places (N, 2) with `radii` (N,), metres, as holding `what`."""
         for (x, y), radius in zip(xy, radii, strict=True):
-            low = np.clip(((x - radius, y - radius) / np.float64(self.cell)).astype(int), 0, None)
+            low = np.maximum((np.array((x - radius, y - radius)) / self.cell).astype(int), 0)
             high = (np.array((x + radius, y + radius)) / self.cell).astype(int) + 1
             at = [(np.arange(a, b) + 0.5) * self.cell for a, b in zip(low, high, strict=True)]
             part = self.taken[low[0] : high[0], low[1] : high[1]]

@@ -1,5 +1,7 @@
 """Where people live and work: garden, village, yard."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from bushseg.points import FloatArray
@@ -21,15 +23,12 @@ def garden(b: Builder) -> None:
     """A house in its garden: drive, hut, boundaries of all kinds, shrubs along them."""
     b.path = winding(b.rng, b.size, bend=0.12)
     b.ground.clear(b.path, 0.9)
-    forms: list[BuildingForm] = ["gable", "flat"]
-    corner = b.rng.uniform(0.1, 0.9, (CANDIDATES, 2)) * b.size
-    for _ in range(b.count("buildings")):
-        house = b.build(forms[b.rng.integers(2)], corner, b.rng.uniform(-0.3, 0.3))
-        if house is not None:
+    forms: tuple[BuildingForm, ...] = ("shed", "greenhouse", "shed", "gable", "flat")
+    for number in range(b.count("buildings")):
+        form = forms[b.rng.integers(3, 5) if number == 0 else b.rng.integers(5)]
+        house = b.build(form, b.anywhere(), b.rng.uniform(-0.3, 0.3))
+        if house is not None and number == 0:
             _drive(b, house)
-    for form in ("shed", "greenhouse"):
-        if b.rng.random() < 0.4:
-            b.build(form, b.anywhere(), b.yaw())
     for start, end in _edges(b.size):
         _boundary(b, np.linspace(start, end, 8), ("picket", "wall", "wire", "boards", "hedge"))
     _mow(b)
@@ -38,13 +37,13 @@ def garden(b: Builder) -> None:
 def village(b: Builder) -> None:
     """Houses along a street, front gardens fenced or hedged, cars parked, wires overhead."""
     b.path = winding(b.rng, b.size, bend=0.06)
-    half = b.rng.uniform(2.2, 3.2)
+    half = b.rng.uniform(2.6, 3.4)
     b.ground.grade(b.path, half, shoulder=2.5)
     b.ground.lay(b.ground.within(b.path, half + 1.3), CONCRETE)  # pavements
     b.ground.lay(b.ground.within(b.path, half), ASPHALT)
     b.ground.clear(b.path, half + 1.3)
     b.bare |= b.ground.within(b.path, half + 1.2)
-    forms: tuple[BuildingForm, ...] = ("gable", "gable", "gable", "flat", "barn")
+    forms: tuple[BuildingForm, ...] = ("gable", "gable", "flat", "barn", "shed")
     for _ in range(b.count("buildings")):
         side = b.rng.choice((-1, 1))
         where, yaws = spaced(beside(b.path, side * (half + b.rng.uniform(7, 10))), 1.0)
@@ -52,9 +51,6 @@ def village(b: Builder) -> None:
         house = b.build(forms[b.rng.integers(5)], where[pick], float(np.median(yaws)))
         if house is not None and b.rng.random() < 0.7:
             _drive(b, house)
-    for form in ("shed", "greenhouse", "shed"):
-        if b.rng.random() < 0.5:
-            b.build(form, b.anywhere(), b.yaw())
     for side in (-1, 1):
         front = beside(b.path, side * (half + 2.0))
         for part in range(4):
@@ -67,7 +63,7 @@ def village(b: Builder) -> None:
             inside = np.clip(np.linspace(line[0], far, 8), EDGE, b.size - EDGE)
             _boundary(b, inside, ("picket", "wire", "boards", "hedge", "wall"))
     _overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 1.0)))
-    _park(b, b.path, half - 1.0)
+    _park(b, b.path, half - 0.8)
     _mow(b)
 
 
@@ -88,7 +84,8 @@ def yard(b: Builder) -> None:
         b.build(forms[b.rng.integers(4)], b.anywhere(), b.yaw())
     for start, end in _edges(b.size):
         _boundary(b, np.linspace(start, end, 8), ("mesh", "boards", "concrete", "wire"))
-    for _ in range(int(b.rng.integers(1, 2 + round(b.size / 15)))):
+    heaps = int(b.rng.integers(1, 2 + round(b.size / 15))) if b.has("rocks") else 0
+    for _ in range(heaps):
         radius = b.rng.uniform(1.0, 3.2)
         place = b.ground.claim(b.anywhere(), 0.8 * radius)
         b.scene.add(
@@ -102,20 +99,21 @@ def _edges(size: float) -> list[tuple[FloatArray, FloatArray]]:
     """The four lines along a site's edges."""
     near, far = EDGE, size - EDGE
     ring = np.array([(near, near), (far, near), (far, far), (near, far), (near, near)])
-    return list(zip(ring[:-1], ring[1:], strict=True))
+    return list(pairwise(ring))
 
 
 def _boundary(b: Builder, line: FloatArray, kinds: tuple[str, ...]) -> None:
     """Put a hedge, fence or wall along a line, or leave it open; sometimes a hedge behind."""
-    if b.rng.random() < 0.15:
+    if not b.fenced(0.85):
         return
     kind = kinds[b.rng.integers(len(kinds))]
     if kind == "hedge":
-        b.hedge(line)
+        if b.has("hedges"):
+            b.hedge(line)
         return
     high = 2.0 if kind in ("boards", "mesh", "concrete") else 1.5
     b.enclose(line, kind, b.rng.uniform(0.8, high))
-    if b.rng.random() < 0.35:
+    if b.has("hedges") and b.rng.random() < 0.35:
         inward = min((beside(line, s) for s in (-0.9, 0.9)), key=lambda at: _off_middle(b, at))
         b.hedge(stretch(inward, *sorted(b.rng.uniform(0, 1, 2))))
 
@@ -133,7 +131,7 @@ def _drive(b: Builder, house: tuple[FloatArray, float]) -> None:
     cells = b.ground.within(line, 1.4) & (b.ground.taken < BUILT)
     b.ground.lay(cells, (GRAVEL, CONCRETE)[b.rng.integers(2)])
     b.bare |= cells
-    if b.rng.random() < 0.6 and np.linalg.norm(line[-1] - line[0]) > 5:
+    if b.has("vehicles") and b.rng.random() < 0.6 and np.linalg.norm(line[-1] - line[0]) > 5:
         yaw = float(np.arctan2(toward[1], toward[0]))
         b.stand(car(b.rng), "vehicle or person", 1.2, line[2:5], yaw)
     b.ground.reserve(cells, WAY)
@@ -156,6 +154,8 @@ def _park(b: Builder, line: FloatArray, off: float) -> None:
 
 def _overhead(b: Builder, line: FloatArray) -> None:
     """Set poles along a line and hang wires between them."""
+    if not b.has("poles"):
+        return
     height = b.rng.uniform(7, 9.5)
     where, yaws = spaced(line, b.rng.uniform(14, 24), start=b.rng.uniform(1, 5))
     tops = []
@@ -163,7 +163,7 @@ def _overhead(b: Builder, line: FloatArray) -> None:
         inside = np.clip(place, 0.5, b.size - 0.5)
         b.add(power_pole(height), "man-made", inside, float(yaw))
         b.ground.take(inside[None], np.array([0.3]), BUILT)
-        tops.append(b.ground.terrain.point(inside) + (0, 0, height - 0.4))
+        tops.append(b.ground.terrain.point(inside) + np.array([0, 0, height - 0.4]))
     if len(tops) > 1:
         b.scene.add(wires(np.array(tops), b.rng.uniform(0.3, 1.0)), "man-made")
 

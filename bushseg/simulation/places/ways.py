@@ -25,22 +25,23 @@ def road(b: Builder) -> None:
         if b.rng.random() < 0.7:
             ditch = beside(b.path, side * (half + b.rng.uniform(2.2, 3.2)))
             b.ground.trench(ditch, b.rng.uniform(0.6, 1.2), b.rng.uniform(0.25, 0.9))
-        if b.rng.random() < 0.45:
+        if b.fenced(0.45):
             rail = stretch(beside(b.path, side * (half + 0.7)), *np.sort(b.rng.uniform(0, 1, 2)))
             b.enclose(rail, "guard rail", 0.75)
     for side in (-1, 1):
         edge = beside(b.path, side * (half + 1.0))
         where, yaws = spaced(edge, b.rng.uniform(8, 20), start=2.0)
+        if not b.has("poles"):
+            where, yaws = where[:0], yaws[:0]
         for place, yaw in zip(where, yaws, strict=True):
             inside = np.clip(place, 0.5, b.size - 0.5)
             model = sign(b.rng) if b.rng.random() < 0.3 else marker(b.rng)
             b.add(model, "man-made", inside, float(yaw) + (side > 0) * np.pi)
             b.ground.take(inside[None], np.array([0.15]), BUILT)
         beyond = beside(b.path, side * (half + b.rng.uniform(4, 6)))
-        chance = b.rng.random()
-        if chance < 0.3:
+        if b.has("hedges") and b.rng.random() < 0.3:
             b.hedgerow(np.clip(beyond, 0.8, b.size - 0.8))
-        elif chance < 0.55:
+        elif b.fenced(0.35):
             b.enclose(np.clip(beyond, 0.8, b.size - 0.8), "wire", 1.2)
     if b.rng.random() < 0.5:
         _overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 6)))
@@ -81,5 +82,5 @@ def trail(b: Builder) -> None:
     clumpy = waves(b.rng, b.ground.centers(), shortest=5, longest=25).reshape(b.scrub.shape)
     b.scrub = 0.15 + close * (clumpy > -0.3)
     b.woods = np.clip(1.0 - close + 0.15, 0, 1) * (clumpy > -0.8)
-    if b.rng.random() < 0.2:
+    if b.fenced(0.2):
         b.enclose(beside(b.path, b.rng.choice((-1, 1)) * (half + 2)), "wire", 1.2)

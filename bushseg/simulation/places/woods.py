@@ -26,7 +26,7 @@ def forest_edge(b: Builder) -> None:
     b.woods = np.where(distance > 0, 1.0, 0.015)
     b.scrub = 0.12 + np.exp(-((distance / 2.5) ** 2))
     b.mown |= distance < -6
-    if b.rng.random() < 0.3:
+    if b.fenced(0.3):
         b.enclose(beside(b.path, -2.0), "wire", 1.2)
 
 

@@ -171,7 +171,6 @@ def sprouting(
         lengths = length * reach[index] * (1.2 - 0.7 * t) * rng.uniform(0.6, 1.3, number)
     radii = np.minimum(thickness * radii, 0.03 * lengths + THINNEST)
     return growing(rng, feet, headings, lengths, radii, knots=knots, rise=rise, wiggle=wiggle)
-<<<<<<< HEAD
 
 
 def fitting(branches: Branches, half: float, height: float) -> FloatArray:
@@ -184,8 +183,6 @@ def fitting(branches: Branches, half: float, height: float) -> FloatArray:
     wide = np.quantile(np.hypot(ends[:, 0], ends[:, 1]), 0.97)
     across = np.clip(half / max(wide, 1e-6), 0.3, 2.0)
     return np.array([across, across, np.clip(height / max(ends[:, 2].max(), 1e-6), 0.5, 1.5)])
-=======
->>>>>>> 05d1537 (Find distances to lines by a tree)
 
 
 def rods(branches: Branches, sides: int) -> Mesh:

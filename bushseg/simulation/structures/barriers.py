@@ -89,7 +89,12 @@ def guard_rail(terrain: Terrain, start: FloatArray, end: FloatArray, height: flo
     post = box((-0.03, -0.06, -0.3), (0.03, 0.06, height - 0.05))
     beam = [
         polyhedron(
-            np.stack([a + (0, 0, low), b + (0, 0, low), b + (0, 0, high), a + (0, 0, high)]),
+            [
+                (*a[:2], a[2] + low),
+                (*b[:2], b[2] + low),
+                (*b[:2], b[2] + high),
+                (*a[:2], a[2] + high),
+            ],
             [(0, 1, 2, 3)],
         )
         for a, b in pairwise(posts)

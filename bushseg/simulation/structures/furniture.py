@@ -107,7 +107,7 @@ def _stack(
         for column in range(columns - row % 2)
     ]
     at: FloatArray = np.array(where, np.float64).reshape(-1, 2)
-    ends = rng.normal(0, 0.05, (len(at), 2)) + (-half, half)
+    ends = rng.normal((-half, half), 0.05, (len(at), 2))
     paths = np.stack(
         [np.stack([at[:, 0], ends[:, side], at[:, 1]], axis=1) for side in (0, 1)], axis=1
     )

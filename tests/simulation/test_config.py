@@ -91,8 +91,8 @@ def test_all_settings_are_shown_with_their_meaning():
     for section in ("sensor", "terrain", "plants", "places.garden", "places.yard"):
         assert f"[{section}]" in text
     for field in PlaceConfig.model_fields.values():
-        assert text.count(f"# {field.description}") == 1
-    assert "degrees" in text
+        assert f"# {field.description}\n" in text
+    assert text.count("# Shrubs in the open") == 1
 
 
 def test_settings_are_frozen_and_described():

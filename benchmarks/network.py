@@ -31,7 +31,7 @@ from bushseg.parallel import num_workers
 from bushseg.runs import find_model
 from bushseg.scan import read_voxels
 from bushseg.simulation import SimulateConfig, simulate
-from bushseg.tile_data import TileData, cut_tile
+from bushseg.tile_data import NetworkTile, cut_tile
 from bushseg.tiling import Tiling
 
 
@@ -83,7 +83,7 @@ def scan_path(given: Path | None) -> Iterator[Path]:
         yield sorted(Path(folder).iterdir())[0]
 
 
-def read_tile(path: Path, model: Model) -> TileData:
+def read_tile(path: Path, model: Model) -> NetworkTile:
     """The whole scan as one tile."""
     with io.open_scan(path) as reader:
         scan = read_voxels(reader, model.card.prepare.voxel_size, model.card.scheme)

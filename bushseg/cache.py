@@ -183,7 +183,6 @@ def save_tile(path: Path, tile: TileData) -> None:
         "labels": tile.labels,
         "counts": tile.counts,
         **{f"features.{name}": columns for name, columns in tile.features.items()},
-        **pyramid_tensors(tile.pyramid),
     }
     save_tensors(path, tensors)
 
@@ -221,7 +220,6 @@ def load_tile(path: Path) -> TileData:
             },
             labels=take("labels", np.int16, size),
             counts=take("counts", np.int32, size),
-            pyramid=pyramid_from_tensors(tensors, size),
         )
     except KeyError as error:
         raise CacheError(

@@ -17,9 +17,10 @@ from bushseg.features import FEATURES
 from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
 from bushseg.pyramid import Pyramid
 from bushseg.scheme import ClassScheme
-from bushseg.tile_data import TileData
+from bushseg.tile_data import NetworkTile, TileData
 
 _OPEN_TILES = 48
+_WHOLE_TILES = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +112,7 @@ class Dataset:
                 f"{self.folder / DATASET}: can't be used ({reason}); run `bushseg prepare` again"
             ) from error
         self._open: OrderedDict[int, TileData] = OrderedDict()
+        self._whole: OrderedDict[int, NetworkTile] = OrderedDict()
 
     def tile(self, number: int) -> TileData:
         """A tile by its index; the last few stay in memory.
@@ -124,6 +126,20 @@ class Dataset:
         self._open[number] = tile
         if len(self._open) > _OPEN_TILES:
             self._open.popitem(last=False)
+        return tile
+
+    def network_tile(self, number: int) -> NetworkTile:
+        """A tile with its pyramid, which is found here; the last few stay in memory.
+
+        Raises:
+            CacheError: Its file is missing or damaged.
+        """
+        tile = self._whole.pop(number, None)
+        if tile is None:
+            tile = NetworkTile.of(self.tile(number), self.config)
+        self._whole[number] = tile
+        if len(self._whole) > _WHOLE_TILES:
+            self._whole.popitem(last=False)
         return tile
 
     def cached_sample(self, number: int) -> Sample:

@@ -12,7 +12,7 @@ from bushseg.models.batch import Batch
 from bushseg.models.bushnet import BushNet
 from bushseg.models.pooling import serial_torch
 from bushseg.models.precision import multiplying_in
-from bushseg.tile_data import TileData
+from bushseg.tile_data import NetworkTile
 
 
 def feature_matrix(
@@ -37,7 +37,7 @@ def feature_matrix(
 
 def tile_logits(
     network: BushNet,
-    tile: TileData,
+    tile: NetworkTile,
     features: Sequence[str],
     voxel_size: float,
     precision: Precision = "auto",

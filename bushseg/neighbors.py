@@ -80,3 +80,24 @@ def _square_distances(
         x, y, z = points[i, 0] - center[0], points[i, 1] - center[1], points[i, 2] - center[2]
         squared[i] = x * x + y * y + z * z
     return squared
+
+
+@compiled
+def reaches(xyz: NDArray[np.float32], neighbors: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Distance from the first to the last of each row's neighbors.
+
+    Args:
+        xyz: Positions, shape (N, 3), float32.
+        neighbors: Indices of each point's neighbors, itself first, shape (M, K), int32.
+
+    Returns:
+        Shape (M,), float32.
+    """
+    found = np.empty(len(neighbors), np.float32)
+    for i in range(len(neighbors)):
+        first, last = neighbors[i, 0], neighbors[i, -1]
+        x = xyz[last, 0] - xyz[first, 0]
+        y = xyz[last, 1] - xyz[first, 1]
+        z = xyz[last, 2] - xyz[first, 2]
+        found[i] = np.sqrt(x * x + y * y + z * z)
+    return found

@@ -25,25 +25,26 @@ def estimate_normals(
     neighbors: NDArray[np.int32],
     sensor: NDArray[np.floating] | None = None,
 ) -> NDArray[np.float32]:
-    """Unit normals of a set of points.
+    """Unit normals of a set of points, or of some of them.
 
     Args:
         xyz: Positions relative to a nearby origin, shape (N, 3), float32.
-        neighbors: Neighbor indices, each row's own point included, shape (N, K), int32.
+        neighbors: For each point whose normal is wanted its neighbors' indices, itself (or a point
+            in its place) first, shape (M, K), int32.
         sensor: Where the sensor stood, in the same frame, shape (3,); None orients upwards.
 
     Returns:
-        Unit normals, shape (N, 3), float32. A neighborhood on a line gets some normal across the
+        Unit normals, shape (M, 3), float32. A neighborhood on a line gets some normal across the
         line, one without extent (a lone point, duplicates) the upward normal.
     """
-    normals = np.empty_like(xyz)
+    normals = np.empty((len(neighbors), 3), dtype=np.float32)
     # Upwards is towards a sensor at infinity: the direction is then the same from everywhere.
     towards = np.array([0.0, 0.0, 1.0]) if sensor is None else np.asarray(sensor, dtype=np.float64)
 
     def estimate(start: int, stop: int) -> None:
         _estimate(xyz, neighbors, towards, sensor is not None, normals, start, stop)
 
-    for_chunks(estimate, len(xyz), _CHUNK)
+    for_chunks(estimate, len(neighbors), _CHUNK)
     return normals
 
 
@@ -57,20 +58,21 @@ def _estimate(
     start: int,
     stop: int,
 ) -> None:
-    """Normals of points start to stop, oriented to a place or in a direction."""
+    """Normals of neighborhoods start to stop, oriented to a place or in a direction."""
     k = neighbors.shape[1]
     x, y, z = np.empty(k), np.empty(k), np.empty(k)
     for i in range(start, stop):
         # Relative to the point itself: products of large coordinates would drown the differences.
+        own = np.uint32(neighbors[i, 0])
         for j in range(k):
             other = np.uint32(neighbors[i, j])
-            x[j] = np.float64(xyz[other, 0] - xyz[i, 0])
-            y[j] = np.float64(xyz[other, 1] - xyz[i, 1])
-            z[j] = np.float64(xyz[other, 2] - xyz[i, 2])
+            x[j] = np.float64(xyz[other, 0] - xyz[own, 0])
+            y[j] = np.float64(xyz[other, 1] - xyz[own, 1])
+            z[j] = np.float64(xyz[other, 2] - xyz[own, 2])
         a, b, c = smallest_eigenvector(*covariance(x, y, z))
         if is_place:
-            up = a * (towards[0] - xyz[i, 0]) + b * (towards[1] - xyz[i, 1])
-            up += c * (towards[2] - xyz[i, 2])
+            up = a * (towards[0] - xyz[own, 0]) + b * (towards[1] - xyz[own, 1])
+            up += c * (towards[2] - xyz[own, 2])
         else:
             up = a * towards[0] + b * towards[1] + c * towards[2]
         sign = -1.0 if up < 0 else 1.0

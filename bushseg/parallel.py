@@ -1,4 +1,4 @@
-"""Rows worked on by all cores: threads that take chunks of rows until none is left.
+"""Work shared out to all cores: threads that take chunks of rows, or item after item.
 
 For functions that release the interpreter's lock: compiled ones, and PyTorch's and NumPy's on large
 arrays.
@@ -7,8 +7,13 @@ arrays.
 import itertools
 import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 def num_workers() -> int:
@@ -52,3 +57,31 @@ def for_chunks(function: Callable[[int, int], object], num_rows: int, size: int)
                 future.result()
         finally:
             stop.set()  # Ctrl-C reaches this thread only: the others must not finish the rows first
+
+
+def map_ahead(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Call a function on each item, on all cores, while this thread draws the next items.
+
+    Args:
+        function: What is done with an item; calls run at once and end in any order.
+        items: Drawn by the calling thread, no further ahead than keeps the cores busy.
+
+    Yields:
+        The results, in the order of the items.
+
+    Raises:
+        Exception: The first that a call raised, in the order of the items; calls not begun by then
+            are left out.
+    """
+    pending: deque[Future[Result]] = deque()
+    with ThreadPoolExecutor(num_workers()) as pool:
+        try:
+            for item in items:
+                pending.append(pool.submit(function, item))
+                if len(pending) > 2 * num_workers():
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            for call in pending:
+                call.cancel()

@@ -53,7 +53,8 @@ class PrepareResult:
         features: Features that every scan has.
         seconds: From the first scan to the finished data set.
         stages: Seconds by stage: read, sub-sample, ground and features, tiling, neighbors,
-            decimation, normals, draw crops, write; none where nothing had to be done.
+            normals, write (tiles), draw crops (with their indices, and written); none where
+            nothing had to be done.
         warnings: What a user should know: unknown codes, scans without labels, skipped points.
     """
 

@@ -9,7 +9,7 @@ A folder's KEY is the hash of all its content follows from: the settings, the fi
 the format version. A folder is complete when its manifest stands, which is written last.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,15 +28,17 @@ from bushseg.cache import (
     write_json,
 )
 from bushseg.config import PrepareConfig
-from bushseg.crops import OPEN_TILES, CropSampler, class_weights, enough_crops
+from bushseg.crops import OPEN_TILES, Crop, CropSampler, class_weights, enough_crops
 from bushseg.features import height_profile
 from bushseg.io import label_sidecar, open_scan
+from bushseg.parallel import map_ahead
 from bushseg.progress import Progress
 from bushseg.scan import read_voxels
 from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
-from bushseg.tile_data import TileData, cut_tile
+from bushseg.tile_data import TileData, cut_points
 from bushseg.tiling import Tiling
+from bushseg.voxel_normals import voxel_normals
 
 DATASET = "dataset.json"
 MANIFEST = "manifest.json"
@@ -86,12 +88,14 @@ def write_tiles(
     """Read one scan and write its tiles; the manifest, written last, says that all are there."""
     with open_scan(path) as reader:
         scan = read_voxels(reader, config.voxel_size, scheme, config.label_field, progress, stages)
+    normals, distances = voxel_normals(scan, config.num_neighbors, stages)
     with stages.timed("tiling"):
         tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo)
     progress.start(f"tiling {path.name}", len(tiling.tiles), "tiles")
     entries = []
     for number, tile in enumerate(tiling.tiles):
-        data = cut_tile(scan, tiling, tile, config, stages)
+        with stages.timed("tiling"):
+            data = cut_points(scan, tiling, tile, normals)
         with stages.timed("write"):
             save_tile(tiles / tile_name(number), data)
         labels = data.labels[data.labels >= 0]
@@ -99,7 +103,7 @@ def write_tiles(
             {
                 "core_size": tile.num_points,
                 "class_counts": np.bincount(labels, minlength=scheme.num_classes).tolist(),
-                "neighbor_distance": data.neighbor_distance(),
+                "neighbor_distance": float(np.median(distances[data.indices])),
                 "height_profile": height_profile(data.features["height"][data.is_core]),
             }
         )
@@ -150,16 +154,23 @@ def write_crops(
         class_weights(class_counts),
         np.random.default_rng(config.seed),
     )
+
+    def draws() -> Iterator[tuple[int, TileData, Crop]]:
+        for number, crop in enumerate(sampler.draws(num_crops)):
+            yield number, load(crop.tile), crop
+
+    def write(draw: tuple[int, TileData, Crop]) -> tuple[int, bool]:
+        number, tile, crop = draw
+        pyramid = tile.crop_pyramid(crop.indices, config)
+        tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
+        save_tensors(crops / crop_name(number), tensors)
+        return crop.tile, bool((tile.labels[crop.indices] >= 0).any())
+
     progress.start("drawing crops", num_crops, "crops")
     tiles, labelled = [], []
-    for number, crop in enumerate(stages.each("draw crops", sampler.draws(num_crops))):
-        tile = load(crop.tile)
-        pyramid = tile.crop_pyramid(crop.indices, config, stages)
-        with stages.timed("write"):
-            tensors = {"indices": crop.indices, **pyramid_tensors(pyramid)}
-            save_tensors(crops / crop_name(number), tensors)
-        tiles.append(crop.tile)
-        labelled.append(bool((tile.labels[crop.indices] >= 0).any()))
+    for tile_number, has_labels in stages.each("draw crops", map_ahead(write, draws())):
+        tiles.append(tile_number)
+        labelled.append(has_labels)
         progress.advance(1)
     manifest = {
         "version": FORMAT_VERSION,

@@ -2,25 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.compiled import compiled
 from bushseg.config import Sampling
+from bushseg.local_positions import local_positions
+from bushseg.neighbors import reaches
 from bushseg.normals import estimate_normals
-from bushseg.parallel import for_chunks
 from bushseg.pyramid import Pyramid, build_pyramid
 from bushseg.scan import VoxelScan
 from bushseg.stages import Stages
 from bushseg.tiling import Tile, Tiling
-
-_CHUNK = 65_536  # voxels a thread takes at a time
-_STEPS = 1024
-"""Positions are rounded to a power of two, at most one voxel over this many: far below what a
-scanner resolves. Up to 2^24 steps from a tile's origin float32 then holds them exactly, and so all
-differences between them: which neighbor is nearer doesn't depend on the tile they are seen in."""
 
 
 class PyramidSettings(Protocol):
@@ -61,7 +55,6 @@ class TileData:
         features: Feature name to (N, columns) float32.
         labels: Class index; -1 for unlabelled and for all of the halo, (N,) int16.
         counts: Raw points in the voxel, (N,) int32.
-        pyramid: Indices of all levels.
     """
 
     origin: NDArray[np.float64]
@@ -73,29 +66,63 @@ class TileData:
     features: Mapping[str, NDArray[np.float32]]
     labels: NDArray[np.int16]
     counts: NDArray[np.int32]
-    pyramid: Pyramid
 
     def __len__(self) -> int:
         return len(self.xyz)
 
-    def neighbor_distance(self) -> float:
-        """Median distance to the farthest of the K neighbors, metres: the tile's density."""
-        return float(np.median(_reaches(self.xyz, self.pyramid.neighbors[0])))
-
-    def crop_pyramid(
-        self,
-        indices: NDArray[np.int32],
-        settings: PyramidSettings,
-        stages: Stages | None = None,
-    ) -> Pyramid:
+    def crop_pyramid(self, indices: NDArray[np.int32], settings: PyramidSettings) -> Pyramid:
         """The pyramid of some of the tile's points.
 
         Args:
             indices: The points, ascending, shape (n,), int32.
             settings: Neighborhood and pyramid settings.
-            stages: Told of the time that neighbors and decimation take.
         """
-        return _pyramid(self.xyz[indices], self.keys[indices], settings, stages)
+        return _pyramid(self.xyz[indices], self.keys[indices], settings)
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkTile(TileData):
+    """A tile with all that the network needs of it.
+
+    Attributes:
+        pyramid: Indices of all levels.
+    """
+
+    pyramid: Pyramid
+
+    @classmethod
+    def of(cls, tile: TileData, settings: PyramidSettings) -> Self:
+        """Find a tile's pyramid."""
+        pyramid = _pyramid(tile.xyz, tile.keys, settings)
+        return cls(**{name: getattr(tile, name) for name in TileData.__slots__}, pyramid=pyramid)
+
+    def neighbor_distance(self) -> float:
+        """Median distance to the farthest of the K neighbors, metres: the tile's density."""
+        return float(np.median(reaches(self.xyz, self.pyramid.neighbors[0])))
+
+
+def cut_points(
+    scan: VoxelScan, tiling: Tiling, tile: Tile, normals: NDArray[np.float32]
+) -> TileData:
+    """Cut a tile with its halo out of a scan whose normals are known.
+
+    The origin is subtracted in float64, before the cast to float32. Labels are kept in the core
+    only: each voxel teaches and is judged once, and a tile of the training area that borders on a
+    held-out one never sees its labels.
+
+    Args:
+        scan: The scan's voxels.
+        tiling: How it is cut.
+        tile: Which tile.
+        normals: Normals of all voxels, shape (N, 3), float32.
+
+    Returns:
+        The tile.
+    """
+    indices, is_core = tiling.members(tile)
+    xyz, origin = local_positions(scan.voxels.xyz, indices, scan.voxels.grid.voxel_size)
+    columns = _columns(scan, indices, is_core, origin)
+    return TileData(**columns, xyz=xyz, normals=normals[indices])
 
 
 def cut_tile(
@@ -104,12 +131,8 @@ def cut_tile(
     tile: Tile,
     settings: PyramidSettings,
     stages: Stages | None = None,
-) -> TileData:
-    """Cut a tile with its halo and find its normals and pyramid.
-
-    The origin is subtracted in float64, before the cast to float32, and both lie on a lattice of
-    `_STEPS` to a voxel. Labels are kept in the core only: each voxel teaches and is judged once,
-    and a tile of the training area that borders on a held-out one never sees its labels.
+) -> NetworkTile:
+    """Cut a tile with its halo as :func:`cut_points` does, and find its normals and pyramid.
 
     Args:
         scan: The scan's voxels.
@@ -121,92 +144,38 @@ def cut_tile(
     Returns:
         The tile.
     """
-    voxels, stages = scan.voxels, stages or Stages()
+    stages = stages or Stages()
     with stages.timed("tiling"):
         indices, is_core = tiling.members(tile)
-        xyz, origin = _local_positions(voxels.xyz, indices, voxels.grid.voxel_size)
-        keys = voxels.keys[indices]
-        labels = np.full(len(indices), -1, dtype=np.int16)
-        if voxels.labels is not None:
-            labels[is_core] = voxels.labels[indices[is_core]]
-        features = {name: columns[indices] for name, columns in scan.features.items()}
-        counts = voxels.counts[indices].astype(np.int32)
-    pyramid = _pyramid(xyz, keys, settings, stages)
+        xyz, origin = local_positions(scan.voxels.xyz, indices, scan.voxels.grid.voxel_size)
+        columns = _columns(scan, indices, is_core, origin)
+    pyramid = _pyramid(xyz, columns["keys"], settings, stages)
     with stages.timed("normals"):
         sensor = None if scan.sensor is None else scan.sensor - origin
         normals = estimate_normals(xyz, pyramid.neighbors[0], sensor)
-    return TileData(
-        origin=origin + voxels.grid.origin,
-        indices=indices,
-        is_core=is_core,
-        keys=keys,
-        xyz=xyz,
-        normals=normals,
-        features=features,
-        labels=labels,
-        counts=counts,
-        pyramid=pyramid,
-    )
+    return NetworkTile(**columns, xyz=xyz, normals=normals, pyramid=pyramid)
 
 
-def _local_positions(
-    xyz: NDArray[np.float64], indices: NDArray[np.int64], voxel_size: float
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Positions of some voxels on the lattice, from an origin in their middle that lies on it.
-
-    Args:
-        xyz: Positions of all voxels, metres, shape (N, 3), float64.
-        indices: Which voxels, shape (M,), int64.
-        voxel_size: Metres.
-
-    Returns:
-        Metres from the origin, shape (M, 3), float32; and the origin, shape (3,), float64.
-    """
-    step = 2.0 ** np.floor(np.log2(voxel_size / _STEPS))
-    middle = np.rint(_mean_position(xyz, indices) / step)
-    local = np.empty((len(indices), 3), dtype=np.float32)
-    for_chunks(
-        lambda start, stop: _localize(xyz, indices, step, middle, local, start, stop),
-        len(indices),
-        _CHUNK,
-    )
-    return local, middle * step
-
-
-@compiled
-def _mean_position(xyz: NDArray[np.float64], indices: NDArray[np.int64]) -> NDArray[np.float64]:
-    total = np.zeros(3)
-    for index in indices:
-        for axis in range(3):
-            total[axis] += xyz[index, axis]
-    return total / len(indices)
-
-
-@compiled
-def _reaches(xyz: NDArray[np.float32], neighbors: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Distance of each point to the last of its neighbors, shape (N,), float32."""
-    reaches = np.empty(len(xyz), np.float32)
-    for i in range(len(xyz)):
-        last = neighbors[i, -1]
-        x, y, z = xyz[last, 0] - xyz[i, 0], xyz[last, 1] - xyz[i, 1], xyz[last, 2] - xyz[i, 2]
-        reaches[i] = np.sqrt(x * x + y * y + z * z)
-    return reaches
-
-
-@compiled
-def _localize(
-    xyz: NDArray[np.float64],
+def _columns(
+    scan: VoxelScan,
     indices: NDArray[np.int64],
-    step: float,
-    middle: NDArray[np.float64],
-    local: NDArray[np.float32],
-    start: int,
-    stop: int,
-) -> None:
-    """Positions of voxels start to stop, in metres from `middle`, which counts steps."""
-    for i in range(start, stop):
-        for axis in range(3):
-            local[i, axis] = (np.rint(xyz[indices[i], axis] / step) - middle[axis]) * step
+    is_core: NDArray[np.bool_],
+    origin: NDArray[np.float64],
+) -> dict[str, Any]:
+    """What a tile has of its scan, by the names of TileData's attributes."""
+    voxels = scan.voxels
+    labels = np.full(len(indices), -1, dtype=np.int16)
+    if voxels.labels is not None:
+        labels[is_core] = voxels.labels[indices[is_core]]
+    return {
+        "origin": origin + voxels.grid.origin,
+        "indices": indices,
+        "is_core": is_core,
+        "keys": voxels.keys[indices],
+        "features": {name: columns[indices] for name, columns in scan.features.items()},
+        "labels": labels,
+        "counts": voxels.counts[indices].astype(np.int32),
+    }
 
 
 def _pyramid(

@@ -66,7 +66,7 @@ def validate(
     kept_logits, kept_labels = [], []
     progress.start("validating", total, "voxels")
     for number in tiles:
-        tile = dataset.tile(number)
+        tile = dataset.network_tile(number)
         logits = tile_logits(network, tile, card.features, dataset.config.voxel_size)
         labels = tile.labels[tile.is_core]
         confusion.update(logits.argmax(axis=1), labels)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
 from bushseg import cache
@@ -48,9 +49,6 @@ def make_tile(count: int = 50, seed: int = 0) -> TileData:
         },
         labels=rng.integers(-1, 5, count).astype(np.int16),
         counts=rng.integers(1, 9, count).astype(np.int32),
-        pyramid=build_pyramid(
-            xyz, keys, num_neighbors=4, num_levels=2, decimation=4, sampling="mrs", seed=0
-        ),
     )
 
 
@@ -69,8 +67,6 @@ def test_a_tile_comes_back_bit_by_bit(tmp_path: Path, count: int) -> None:
     columns = ("origin", "indices", "is_core", "keys", "xyz", "normals", "labels", "counts")
     pairs = [(getattr(tile, name), getattr(loaded, name)) for name in columns]
     pairs += [(tile.features[name], loaded.features[name]) for name in tile.features]
-    for part in ("neighbors", "decimated", "interpolated"):
-        pairs += zip(getattr(tile.pyramid, part), getattr(loaded.pyramid, part), strict=True)
     for ours, theirs in pairs:
         assert ours.dtype == theirs.dtype
         assert ours.shape == theirs.shape
@@ -108,6 +104,17 @@ CHANGES: dict[str, dict[str, Any]] = {
     "scalar keys": {"keys": np.array(1)},
     "a narrow feature": {"features.rgb": np.zeros((N, 2), np.float32)},
     "an unknown feature": {"features.smell": np.zeros((N, 1), np.float32)},
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_tile_that_does_not_fit_itself_is_refused(saved: Path, change: str) -> None:
+    save_file(load_file(saved) | CHANGES[change], saved)
+    with pytest.raises(CacheError, match="prepare"):
+        load_tile(saved)
+
+
+INDEX_CHANGES: dict[str, dict[str, Any]] = {
     "a neighbor past the end": {"neighbors.0": np.full((N, 4), N, np.uint16)},
     "a negative neighbor": {"neighbors.0": np.full((N, 4), -1, np.int32)},
     "a neighbor that would wrap": {"neighbors.0": np.full((N, 4), 2**32, np.int64)},
@@ -121,16 +128,29 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGES)
-def test_a_tile_that_does_not_fit_itself_is_refused(saved: Path, change: str) -> None:
-    save_file(load_file(saved) | CHANGES[change], saved)
+def indices_of(count: int) -> dict[str, NDArray[Any]]:
+    tile = make_tile(count)
+    pyramid = build_pyramid(
+        tile.xyz, tile.keys, num_neighbors=4, num_levels=2, decimation=4, sampling="mrs", seed=0
+    )
+    return pyramid_tensors(pyramid)
+
+
+@pytest.mark.parametrize("change", INDEX_CHANGES)
+def test_indices_that_do_not_fit_are_refused(change: str) -> None:
     with pytest.raises(CacheError, match="prepare"):
-        load_tile(saved)
+        pyramid_from_tensors(indices_of(N) | INDEX_CHANGES[change], N)
 
 
-@pytest.mark.parametrize(
-    "name", ["xyz", "keys", "labels", "origin", "decimated.0", "interpolated.1"]
-)
+@pytest.mark.parametrize("name", ["decimated.0", "interpolated.1"])
+def test_a_level_that_lacks_indices_is_refused(name: str) -> None:
+    tensors = indices_of(N)
+    del tensors[name]
+    with pytest.raises(CacheError, match="prepare"):
+        pyramid_from_tensors(tensors, N)
+
+
+@pytest.mark.parametrize("name", ["xyz", "keys", "labels", "origin"])
 def test_a_tile_that_lacks_a_column_is_refused(saved: Path, name: str) -> None:
     tensors = load_file(saved)
     del tensors[name]
@@ -179,7 +199,7 @@ def test_a_cut_or_flipped_file_is_refused_or_still_fits(
         tile = load_tile(path)
     except CacheError:
         return
-    assert tile.pyramid.neighbors[0].max() < len(tile)
+    assert len(tile.normals) == len(tile.labels) == len(tile)
 
 
 def test_types_numpy_lacks_are_refused(tmp_path: Path) -> None:

@@ -48,6 +48,15 @@ def test_class_counts_add_up(dataset):
     assert np.flatnonzero(counts).tolist() == [0, 2, 4]
 
 
+def test_a_tile_for_the_network_has_a_pyramid_and_stays_in_memory(dataset, monkeypatch):
+    tile = dataset.network_tile(0)
+    assert [len(level) for level in tile.pyramid.neighbors[:1]] == [len(dataset.tile(0))]
+    assert dataset.network_tile(0) is tile
+    monkeypatch.setattr("bushseg.dataset._WHOLE_TILES", 1)
+    dataset.network_tile(1)
+    assert dataset.network_tile(0) is not tile
+
+
 def test_cached_crops_are_points_of_their_tile(dataset):
     for number in range(len(dataset.crop_tiles)):
         sample = dataset.cached_sample(number)

@@ -28,7 +28,7 @@ def test_probabilities_by_hand():
 
 def test_a_tile_gives_its_core(model, prepared):
     dataset = Dataset(prepared)
-    tile = dataset.tile(0)
+    tile = dataset.network_tile(0)
     assert 0 < tile.is_core.sum() < len(tile)
     logits = tile_logits(model.network, tile, model.card.features, dataset.config.voxel_size)
     assert logits.shape == (tile.is_core.sum(), 7)

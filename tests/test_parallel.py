@@ -1,10 +1,12 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bushseg.compiled import compiled, compiled_fast
-from bushseg.parallel import for_chunks, num_workers
+from bushseg.parallel import for_chunks, map_ahead, num_workers
 
 
 @given(num_rows=st.integers(0, 200), size=st.integers(1, 50))
@@ -32,6 +34,32 @@ def test_a_failing_chunk_is_raised(num_rows):
 
 def test_there_is_at_least_one_worker():
     assert num_workers() >= 1
+
+
+@given(count=st.integers(0, 60))
+def test_results_come_in_the_order_of_their_items(count):
+    assert list(map_ahead(lambda item: -item, range(count))) == [-item for item in range(count)]
+
+
+def test_items_are_drawn_no_further_ahead_than_needed():
+    drawn = itertools.count()
+    results = map_ahead(lambda item: item, drawn)
+    assert next(results) == 0
+    results.close()
+    assert next(drawn) <= 3 * num_workers() + 1
+
+
+def test_an_item_that_fails_ends_it():
+    done = []
+
+    def work(item):
+        if item == 3:
+            raise ValueError("item 3")
+        done.append(item)
+
+    with pytest.raises(ValueError, match="item 3"):
+        list(map_ahead(work, range(1000)))
+    assert len(done) < 100
 
 
 @compiled

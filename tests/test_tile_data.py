@@ -8,8 +8,10 @@ from bushseg.io.memory import MemoryReader
 from bushseg.labels import SCHEMES
 from bushseg.points import PointCloud
 from bushseg.scan import VoxelScan, read_voxels
-from bushseg.tile_data import TileData, cut_tile
+from bushseg.stages import Stages
+from bushseg.tile_data import NetworkTile, cut_points, cut_tile
 from bushseg.tiling import Tiling
+from bushseg.voxel_normals import voxel_normals
 
 ORIGIN = np.array([500_000.25, 6_600_000.5, 120.0])
 STEP = 0.25 / 1024
@@ -27,7 +29,7 @@ def make_scan(
     return read_voxels(MemoryReader(points, place), 0.25, SCHEMES["bush"], "code")
 
 
-def cut(scan: VoxelScan, halo: int = 16) -> list[TileData]:
+def cut(scan: VoxelScan, halo: int = 16) -> list[NetworkTile]:
     tiling = Tiling(scan.voxels.keys, 1_500, halo)
     return [cut_tile(scan, tiling, tile, SETTINGS) for tile in tiling.tiles]
 
@@ -92,14 +94,22 @@ def test_voxels_lie_to_each_other_as_in_any_other_tile() -> None:
     np.testing.assert_array_equal(here[1:] - here[:-1], there[1:] - there[:-1])
 
 
-@pytest.mark.parametrize("voxel_size", [1e-6, 0.03, 7.0, 1e9])
-def test_positions_are_rounded_to_less_than_a_thousandth_of_a_voxel(voxel_size: float) -> None:
-    xyz = np.random.default_rng(2).random((500, 3)) * 20 * voxel_size
-    scan = read_voxels(MemoryReader(PointCloud(xyz)), voxel_size)
-    tiling = Tiling(scan.voxels.keys, 500, 0)
-    tile = cut_tile(scan, tiling, tiling.tiles[0], SETTINGS)
-    world = scan.voxels.xyz[tile.indices] + scan.voxels.grid.origin
-    np.testing.assert_allclose(tile.xyz + tile.origin, world, atol=voxel_size / 2048, rtol=0)
+def test_a_tile_of_points_alone_is_the_same_but_for_its_pyramid() -> None:
+    scan = make_scan((15.0, 5.0, 2.0))
+    normals, _ = voxel_normals(scan, SETTINGS.num_neighbors, Stages())
+    tiling = Tiling(scan.voxels.keys, 1_500, 16)
+    for tile in tiling.tiles:
+        whole, bare = (
+            cut_tile(scan, tiling, tile, SETTINGS),
+            cut_points(scan, tiling, tile, normals),
+        )
+        for name in ("origin", "indices", "is_core", "keys", "xyz", "labels", "counts"):
+            np.testing.assert_array_equal(getattr(bare, name), getattr(whole, name))
+        np.testing.assert_array_equal(bare.features["height"], whole.features["height"])
+        np.testing.assert_array_equal(bare.normals[bare.is_core], whole.normals[bare.is_core])
+        again = NetworkTile.of(bare, SETTINGS).pyramid
+        for ours, theirs in zip(again.neighbors, whole.pyramid.neighbors, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
 
 
 def test_an_unlabelled_scan_has_tiles_too() -> None:

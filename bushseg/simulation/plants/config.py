@@ -53,14 +53,15 @@ class PlantsConfig(Section):
         0.35, description="Share of shrubs with long shoots that stand out of the crown"
     )
 
-    hedge_height: Spread = _spread((0.7, 1.5, 3.2), "Height of hedges, metres")
+    hedge_height: Spread = _spread((0.7, 1.5, 3.2), "Height of clipped hedges, metres")
+    hedgerow_height: Spread = _spread((1.1, 2.6, 6.0), "Height of overgrown hedges, metres")
     hedge_depth: Spread = _spread((0.45, 0.8, 1.6), "Thickness of clipped hedges, metres")
     hedge_clipped: Share = Field(0.6, description="Share of hedges clipped to flat faces")
     hedge_leaf_density: Spread = _spread(
         (6.0, 11.0, 18.0), "Leaf area density near a clipped hedge's faces, m²/m³"
     )
 
-    tree_height: Spread = _spread((4.0, 10.0, 24.0), "Height of trees, metres")
+    tree_height: Spread = _spread((3.2, 9.0, 24.0), "Height of trees, metres")
     tree_forms: Weights[TreeForm] = Field(
         {
             "round": 0.26,

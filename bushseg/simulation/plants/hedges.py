@@ -32,11 +32,11 @@ def grow_hedge(
         length: Metres.
         height: Metres; None draws a height.
     """
+    clipped = rng.random() < config.hedge_clipped
     if height is None:
-        height = draw(rng, config.hedge_height)
-    if rng.random() < config.hedge_clipped:
-        return Plant.of(_clipped(rng, config, length, height), "bush")
-    return Plant.of(_overgrown(rng, config, length, height), "bush")
+        height = draw(rng, config.hedge_height if clipped else config.hedgerow_height)
+    build = _clipped if clipped else _overgrown
+    return Plant.of(build(rng, config, length, height), "bush")
 
 
 def _overgrown(

@@ -98,7 +98,10 @@ def grow_shrub(
     if rng.random() < config.shrub_shoots:
         wood = (*wood[:3], _with_shoots(rng, wood[1], wood[3], min(2 * half, height)))
     profile = np.array(build.profile)
-    area = draw(rng, config.shrub_leaf_density) * build.density * volume(profile, half, height)
+    density = draw(rng, config.shrub_leaf_density) * build.density
+    # Leaves keep to the light: the larger a shrub, the emptier it is inside.
+    density *= min(height / 1.3, 4.0) ** -0.3
+    area = density * volume(profile, half, height)
     kind = LeafKind(
         draw(rng, config.shrub_leaf_length),
         draw(rng, config.leaf_aspect),
@@ -153,7 +156,9 @@ def shrub_wood(
     stems = reaching(feet, bends, tips, thick, 6)
 
     num_limbs = int(num_stems * 2 + 14 + 6 * min(half * height, 4.0))
-    limbs = _limbs(rng, stems, within(rng, profile, num_limbs, filling=build.filling) * extent)
+    limbs = _limbs(
+        rng, stems, within(rng, profile, num_limbs, filling=build.filling, power=1.5) * extent
+    )
     size = min(2 * half, height)
     branches = sprouting(
         rng,

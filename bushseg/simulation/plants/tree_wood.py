@@ -160,7 +160,7 @@ def _boughs(rng: np.random.Generator, build: Form, size: TreeSize, stems: Branch
     crown = size.height - size.base
     long = crown / (0.7 * size.height)
     number = int(np.clip(build.boughs * (size.height / 10) ** 0.4 * long, 14, 140))
-    power = 0.8 if build.needles else 1.7
+    power = 0.8 if build.needles else 1.3
     tips = within(rng, np.array(build.profile), number, filling=build.filling, power=power)
     if build.needles:
         whorls = max(number // WHORL, 4)

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from stations import find_stations
 
 import bushseg
 from bushseg.checkpoint import load_model
@@ -89,6 +90,10 @@ def read_scan(path: Path) -> Scan:
     if info.no_returns_at_origin:
         codes[(cloud.xyz == 0).all(axis=1)] = -1
     stations = None if info.sensor_position is None else info.sensor_position[None]
+    if stations is None and {"gps_time", "point_source_id"} <= attributes.keys():
+        stations = find_stations(
+            cloud.xyz, attributes["gps_time"], attributes["point_source_id"].astype(np.int64)
+        )
     return Scan(path, PointCloud(cloud.xyz, attributes), codes, info.sensor_position, stations)
 
 

@@ -104,7 +104,7 @@ class Forest:
             chosen = np.concatenate(
                 [_draw(rng, np.flatnonzero(own == label), share) for label in range(len(NAMES))]
             )
-            features.append(voxel_features(scan, intensity=intensity)[chosen])
+            features.append(voxel_features(scan, intensity=intensity, chosen=chosen))
             labels.append(own[chosen])
         self.classifier = RandomForestClassifier(
             num_trees, min_samples_leaf=5, max_features="sqrt", n_jobs=-1, random_state=seed

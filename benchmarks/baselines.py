@@ -31,14 +31,14 @@ def main() -> None:
         "--simulated", type=Path, nargs="+", default=[], help="simulated scans, or their folders"
     )
     parser.add_argument("--voxel-size", type=float, help="metres; the first model's, or 0.1")
-    parser.add_argument("--model", action="append", default=[], help="a model or a run")
+    parser.add_argument("--model", action="append", default=[], help="one, or a run")
     parser.add_argument("--intensity", action="store_true", help="tell the forest the intensity")
     parser.add_argument("--trees", type=int, default=100)
     parser.add_argument("--per-class", type=int, default=30_000, help="voxels it learns from")
     parser.add_argument("--only", default="", help="frames, ign, odm, vle, simulated; all")
     options = parser.parse_args()
     networks = [Network(source) for source in options.model]
-    size = options.voxel_size or (networks[0].model.card.prepare.voxel_size if networks else 0.1)
+    size = options.voxel_size or (networks[0].known[0].card.prepare.voxel_size if networks else 0.1)
     begun = time.perf_counter()
     scans = [read_training(path, size) for path in find_scans(options.train)]
     band = HeightBand.fit(scans, size)

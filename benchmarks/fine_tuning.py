@@ -52,7 +52,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("sites", type=Path, nargs="+", help="labelled LAS or LAZ")
-    parser.add_argument("--from", dest="model", required=True, help="a model or a run")
+    parser.add_argument("--from", dest="model", required=True, help="one, or a run")
     parser.add_argument("--output", type=Path, required=True)
     parser.add_argument("--points", default="0,100,300,1000,3000,10000")
     parser.add_argument("--seeds", type=int, default=3)
@@ -163,13 +163,13 @@ def tune(
     """Train on from a model, or a new network of its settings, on scans of few labels."""
     if (run / "config.toml").exists() and (run / LAST).exists():
         return
-    card = network.model.card
+    card = network.known[0].card
     config = Config().model_copy(update={"prepare": card.prepare, "network": card.network})
     train = config.train.model_copy(update={"epochs": epochs, "seed": seed, "validation": "none"})
     config = config.model_copy(update={"train": train})
     with tempfile.TemporaryDirectory() as folder:
         bushseg.prepare([scans], folder, config.prepare)
-        start = {} if scratch else {"pretrained": network.model.path}
+        start = {} if scratch else {"pretrained": network.name}
         bushseg.train(folder, run, config, overwrite=True, **start)
 
 

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from stations import find_stations
 
 import bushseg
-from bushseg.checkpoint import load_model
 from bushseg.errors import DataError
 from bushseg.grid import VoxelGrid
 from bushseg.ground import height_above_ground
+from bushseg.io.kept import KeptReader
+from bushseg.io.memory import MemoryReader
 from bushseg.labels import SCHEMES
+from bushseg.model_choice import Candidate, candidates, choose
 from bushseg.points import PointCloud
-from bushseg.runs import find_model
 
 BUSH = SCHEMES["bush"]
 NAMES = BUSH.names
@@ -61,21 +62,28 @@ class Network:
     """A trained model as a labeler.
 
     Args:
-        source: A model, a run's folder, or whatever `bushseg predict --model` takes.
+        source: A model, a run's folder, a bundled model's name, or "default": of the bundled models
+            the one that suits each scan, as `bushseg predict` takes it.
     """
 
     def __init__(self, source: str | Path) -> None:
-        self.name = Path(source).name
-        self.model = load_model(find_model(source))
-        if self.model.card.scheme.names != NAMES:
-            raise DataError(
-                f"{source}: tells {', '.join(self.model.card.scheme.names)} apart; expected the "
-                "classes of scheme 'bush'"
-            )
+        self.name = str(source)
+        # Loaded once, however many scans are labelled.
+        self.known = [
+            Candidate(found.name, found.card, found.load()) for found in candidates(source)
+        ]
+        for found in self.known:
+            if found.card.scheme.names != NAMES:
+                raise DataError(
+                    f"{found.name}: tells {', '.join(found.card.scheme.names)} apart; expected the "
+                    "classes of scheme 'bush'"
+                )
 
     def label(self, scan: Scan) -> NDArray[np.float32]:
         """As :class:`Labeler`."""
-        _, probabilities = bushseg.predict(scan.cloud, self.model, sensor=scan.sensor)
+        reader = KeptReader(MemoryReader(scan.cloud, scan.sensor))
+        model = choose(self.known, reader)[0].load()
+        _, probabilities = bushseg.predict(scan.cloud, model, sensor=scan.sensor)
         return probabilities
 
 
@@ -142,6 +150,12 @@ class Judged:
                 for name in parts[0].columns
             },
         )
+
+    def thinned(self, size: int) -> "Judged":
+        """At most `size` of the points, drawn at random but always the same."""
+        if len(self.codes) <= size:
+            return self
+        return self.where(np.random.default_rng(0).choice(len(self.codes), size, replace=False))
 
     def where(self, chosen: NDArray[Any]) -> "Judged":
         """Some of the points, by a mask or indices."""

@@ -5,15 +5,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from calibration import reliability
 from judging import BUSH, BUSH_LABEL, NAMES, Judged, Labeler, read_scan
 from objects import LOW, Verdict, held_out_objects, judge_objects, score_objects
 from real_scans import GROUPS, SOURCES, Source
-from scoring import BANDS, bush_by_band, class_confusion, group_confusion, shares
+from scoring import (
+    BANDS,
+    bush_by_band,
+    class_confusion,
+    group_confidence,
+    group_confusion,
+    reliability,
+    shares,
+)
 from tables import print_table
 
 from bushseg.errors import DataError
 from bushseg.io import find_scans
+from bushseg.metrics import ConfusionMatrix
+
+MAX_POINTS = 300_000
+"""Of a larger scan so many points are judged, drawn at random."""
+
+COLUMNS = {"range": "m", "density": "points in 0.5 m cube", "height": "m"}
+"""What bush on simulated scans is split by, and its unit."""
 
 
 @dataclass
@@ -45,18 +59,10 @@ class Report:
             for group, iou in zip(GROUPS, confusion.iou.tolist(), strict=True):
                 if confusion.support[GROUPS.index(group)]:
                     self.note(f"{source.name}: IoU of {group}", iou)
-            print_table(
-                f"{source.name}, {labeler.name}: by group",
-                ["group", "points", "IoU", "precision", "recall"],
-                zip(
-                    GROUPS,
-                    confusion.support.tolist(),
-                    confusion.iou.tolist(),
-                    confusion.precision.tolist(),
-                    confusion.recall.tolist(),
-                    strict=True,
-                ),
-            )
+            _print_scores(f"{source.name}, {labeler.name}: by group", GROUPS, confusion)
+            right, confidence = group_confidence(judged, source)
+            ece = reliability(confidence, right).error
+            print(f"\nExpected calibration error of the groups' probability: {ece:.3f}")
             rows = [
                 (name, judged.predictions[np.isin(judged.codes, _codes(source.names, name))])
                 for name in dict.fromkeys(source.names.values())
@@ -89,30 +95,25 @@ class Report:
                 self.note(f"vle{where}: trees by majority", scores.trees_right)
             _print_verdicts(labeler.name, alone, grounded)
 
-    def judge_simulated(self, paths: Sequence[Path]) -> None:
-        """Judge simulated scans, whose labels are exact."""
-        for labeler, judged in self._judge(paths):
+    def judge_simulated(self, folders: Sequence[Path]) -> None:
+        """Judge simulated scans, whose labels are exact; those of each folder are a row."""
+        found: list[list[Judged]] = [[] for _ in self.labelers]
+        for folder in folders:
+            for parts, (_, judged) in zip(found, self._judge(find_scans([folder])), strict=True):
+                parts.append(judged)
+        for parts, labeler in zip(found, self.labelers, strict=True):
+            rows = []
+            for folder, judged in zip(folders, parts, strict=True):
+                confusion = class_confusion(judged)
+                rows.append([folder.name, *confusion.iou.tolist(), confusion.miou])
+                self.note(f"{folder.name}: IoU of bush", float(confusion.iou[BUSH_LABEL]))
+            print_table(f"Simulated, {labeler.name}: IoU", ["scans", *NAMES, "mean"], rows)
+            judged = Judged.joined(parts)
             confusion = class_confusion(judged)
             for name, iou in zip(NAMES, confusion.iou.tolist(), strict=True):
-                self.note(f"simulated: IoU of {name}", iou)
-            self.note("simulated: mIoU", confusion.miou)
-            print_table(
-                f"Simulated, {labeler.name}: by class",
-                ["class", "points", "IoU", "precision", "recall"],
-                zip(
-                    NAMES,
-                    confusion.support.tolist(),
-                    confusion.iou.tolist(),
-                    confusion.precision.tolist(),
-                    confusion.recall.tolist(),
-                    strict=True,
-                ),
-            )
-            for column, unit in (
-                ("range", "m"),
-                ("density", "points in 0.5 m cube"),
-                ("height", "m"),
-            ):
+                self.note(f"all simulated: IoU of {name}", iou)
+            _print_scores(f"Simulated, {labeler.name}: all, by class", NAMES, confusion)
+            for column, unit in COLUMNS.items():
                 print_table(
                     f"Simulated, {labeler.name}: bush by {column}",
                     [f"{column}, {unit}", "bush points", "precision", "recall", "IoU"],
@@ -126,7 +127,7 @@ class Report:
         for path in paths:
             scan = read_scan(path)
             for found, labeler in zip(parts, self.labelers, strict=True):
-                found.append(Judged.of(labeler, scan))
+                found.append(Judged.of(labeler, scan).thinned(MAX_POINTS))
         for found, labeler in zip(parts, self.labelers, strict=True):
             if found:
                 yield labeler, Judged.joined(found)
@@ -154,7 +155,7 @@ def report(
         if not only or "vle" in only:
             result.judge_objects(data)
     if simulated and (not only or "simulated" in only):
-        result.judge_simulated(find_scans(simulated))
+        result.judge_simulated(simulated)
     if not result.summary:
         raise DataError(f"{data}: no scan to judge by; expected frames/, ign/, odm/ or vle/ in it")
     result.print_summary()
@@ -164,6 +165,12 @@ def report(
 def _codes(names: Mapping[int, str], name: str) -> list[int]:
     """The codes that mean something."""
     return [code for code, own in names.items() if own == name]
+
+
+def _print_scores(title: str, names: Sequence[str], confusion: ConfusionMatrix) -> None:
+    columns = (confusion.support, confusion.iou, confusion.precision, confusion.recall)
+    rows = zip(names, *(column.tolist() for column in columns), strict=True)
+    print_table(title, ["class", "points", "IoU", "precision", "recall"], rows)
 
 
 def _print_shares(title: str, rows: Sequence[tuple[str, np.ndarray]]) -> None:
@@ -205,15 +212,17 @@ def _print_calibration(title: str, judged: Judged) -> None:
     labels, probabilities = labels[known], judged.probabilities[known]
     top = reliability(probabilities.max(axis=1), probabilities.argmax(axis=1) == labels)
     classes = [reliability(probabilities[:, c], labels == c) for c in range(len(NAMES))]
-    rows = [["confidence", top.ece], *zip(NAMES, (one.ece for one in classes), strict=True)]
+    rows = [["confidence", top.error], *zip(NAMES, (one.error for one in classes), strict=True)]
     print_table(f"{title}: expected calibration error", ["probability of", "ECE"], rows)
     bush = classes[BUSH_LABEL]
     print_table(
         f"{title}: reliability of the bush probability",
         ["mean probability", "points", "are bush"],
         [
-            [float(said), int(count), float(true)]
-            for said, count, true in zip(bush.confidence, bush.counts, bush.accuracy, strict=True)
+            [said / count, int(count), right / count]
+            for said, count, right in zip(
+                bush.confidence.tolist(), bush.counts.tolist(), bush.correct.tolist(), strict=True
+            )
             if count
         ],
     )

@@ -8,6 +8,7 @@ from judging import BUSH, BUSH_LABEL, NAMES, Judged
 from numpy.typing import NDArray
 from real_scans import GROUP_OF, GROUPS, Source
 
+from bushseg.calibration import ConfidenceBins
 from bushseg.metrics import ConfusionMatrix
 
 
@@ -18,19 +19,51 @@ def class_confusion(judged: Judged) -> ConfusionMatrix:
     return confusion
 
 
-def group_confusion(judged: Judged, source: Source) -> ConfusionMatrix:
-    """Groups against the true labels of a real source; rows and columns in the order of GROUPS."""
-    home = np.array([GROUPS.index(GROUP_OF[name]) for name in NAMES] + [-1])
-    predictions = home[judged.predictions]
+HOME = np.array([GROUPS.index(GROUP_OF[name]) for name in NAMES] + [-1])
+"""The group of each of our classes; of -1, which is the last, none."""
+
+
+def group_labels(judged: Judged, source: Source) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Predicted and true groups of points of a real source, (N,) each; -1 for none."""
+    predictions = HOME[judged.predictions]
     labels = np.full(len(judged.codes), -1)
     for code, group in source.groups.items():
         here = judged.codes == code
         labels[here] = GROUPS.index(group)
         for name in source.also_right.get(code, ()):
             predictions[here & (judged.predictions == NAMES.index(name))] = GROUPS.index(group)
+    return predictions, labels
+
+
+def group_confusion(judged: Judged, source: Source) -> ConfusionMatrix:
+    """Groups against the true labels of a real source; rows and columns in the order of GROUPS."""
     confusion = ConfusionMatrix(len(GROUPS))
-    confusion.update(predictions, labels)
+    confusion.update(*group_labels(judged, source))
     return confusion
+
+
+def group_confidence(
+    judged: Judged, source: Source
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Whether the likeliest class's group is right, and the probability of all its classes.
+
+    Of the points that have a true group.
+    """
+    predictions, labels = group_labels(judged, source)
+    known = labels >= 0
+    own = HOME[judged.predictions]
+    summed = np.stack(
+        [judged.probabilities[:, HOME[:-1] == group].sum(axis=1) for group in range(len(GROUPS))]
+    )
+    confidence = summed[own, np.arange(len(own))]
+    return (predictions == labels)[known], confidence[known]
+
+
+def reliability(confidence: NDArray[np.float32], is_right: NDArray[np.bool_]) -> ConfidenceBins:
+    """Confidences in bins, against how often they were right."""
+    bins = ConfidenceBins()
+    bins.update(confidence, is_right)
+    return bins
 
 
 def shares(predictions: NDArray[np.int16]) -> NDArray[np.float64]:

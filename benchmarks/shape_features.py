@@ -65,26 +65,30 @@ def feature_names() -> list[str]:
     return ["height", *(f"{name} x{scale:g}" for scale in SCALES for name in _PER_SCALE)]
 
 
-def voxel_features(scan: VoxelScan, *, intensity: bool) -> NDArray[np.float32]:
+def voxel_features(
+    scan: VoxelScan, *, intensity: bool, chosen: NDArray[np.intp] | None = None
+) -> NDArray[np.float32]:
     """Features of a scan's voxels.
 
     Args:
         scan: The scan.
         intensity: Whether to add the intensity as the network gets it, zeros where there is none.
+        chosen: Indices of the voxels whose features are wanted, (M,); None: all.
 
     Returns:
-        Shape (N, F), float32.
+        Shape (M, F), float32.
     """
     size = scan.voxels.grid.voxel_size
     xyz = _local(scan.voxels.xyz)
-    columns = [scan.features["height"][:, 0]]
+    rows = np.arange(len(xyz)) if chosen is None else chosen
+    columns = [scan.features["height"][rows, 0]]
     for scale in SCALES:
         sites = xyz if scale == 1 else coarse(scan.voxels.xyz, scale * size)
-        shape = shapes(xyz, sites, REACH * scale * size)
+        shape = shapes(xyz[rows], sites, REACH * scale * size)
         columns += [getattr(shape, name) for name in _PER_SCALE]
     if intensity:
         own = scan.features.get("intensity")
-        columns.append(np.zeros(len(xyz), np.float32) if own is None else own[:, 0])
+        columns.append(np.zeros(len(rows), np.float32) if own is None else own[rows, 0])
     return np.stack(columns, axis=1)
 
 

@@ -21,7 +21,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("data", type=Path, help="folder of the real scans")
-    parser.add_argument("--model", action="append", required=True, help="a model or a run")
+    parser.add_argument(
+        "--model", action="append", required=True, help="a model, a run, a bundled one"
+    )
     parser.add_argument(
         "--simulated", type=Path, nargs="+", default=[], help="simulated scans, or their folders"
     )
@@ -30,8 +32,8 @@ def main() -> None:
     begun = time.perf_counter()
     networks = [Network(source) for source in options.model]
     for network in networks:
-        prepare = network.model.card.prepare
-        print(f"{network.name}: voxels of {prepare.voxel_size} m, {network.model.path}")
+        for model in network.known:
+            print(f"{network.name}: {model.name}, voxels of {model.card.prepare.voxel_size} m")
     only = [name for name in options.only.split(",") if name]
     report(networks, options.data, options.simulated, only)
     print(f"\n{time.perf_counter() - begun:.0f} s")

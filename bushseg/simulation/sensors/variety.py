@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from bushseg.simulation.sensors.config import SensorConfig
-from bushseg.simulation.sensors.figures import Kind
+from bushseg.simulation.sensors.figures import PRESETS, Kind
 
 SPANS: dict[Kind, dict[str, tuple[float, float]]] = {
     "tripod": {
@@ -56,9 +56,9 @@ SPANS: dict[Kind, dict[str, tuple[float, float]]] = {
         "scan_angle": (15.0, 30.0),
         "overlap": (0.1, 0.6),
         "divergence": (0.25, 0.5),
-        "reach": (1200.0, 4000.0),
-        "range_noise": (0.01, 0.03),
-        "registration_noise": (0.02, 0.06),
+        "reach": (660.0, 1500.0),  # at the preset's flight height, and in proportion to it
+        "range_noise": (0.006, 0.025),
+        "registration_noise": (0.005, 0.04),
     },
 }
 """Least and greatest value of each figure that is drawn."""
@@ -82,12 +82,16 @@ CHOICES: dict[Kind, dict[str, tuple[str, ...]]] = {
 def varied(rng: np.random.Generator, config: SensorConfig) -> SensorConfig:
     """Draw a sensor of that kind; what `config` gives stays.
 
-    Figures are drawn evenly by their logarithm. A setting that is given changes no other draw.
+    Figures are drawn evenly by their logarithm. A setting that is given changes no other draw, but
+    for the flight height: who flies higher sends fewer and brighter pulses, and so sees farther.
     """
     drawn: dict[str, Any] = {}
     for name, (low, high) in SPANS[config.kind].items():
         drawn[name] = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     for name, options in CHOICES[config.kind].items():
         drawn[name] = options[rng.integers(len(options))]
+    if config.kind == "airborne":
+        height = config.flight_height or drawn["flight_height"]
+        drawn["reach"] *= height / PRESETS["airborne"].flight_height
     free = {name: value for name, value in drawn.items() if getattr(config, name) is None}
     return SensorConfig.model_validate({**config.model_dump(), **free})

@@ -117,5 +117,5 @@ def _confidence(card: ModelCard, confidence: float | None) -> str | None:
         return None
     return (
         f"the model is unsure of this scan: mean confidence {confidence:.0%}, on held-out data "
-        f"{card.confidence:.0%}; expect more wrong labels than there"
+        f"{card.confidence:.0%}; expect more wrong labels"
     )

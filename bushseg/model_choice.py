@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bushseg.bundled import bundled_models, bundled_path
+from bushseg.bundled import BundledModel, bundled_models, bundled_path
 from bushseg.checkpoint import Model, ModelCard, load_model, read_card
 from bushseg.config import PrepareConfig
 from bushseg.density import Density, measure_density, sample_points
@@ -72,7 +72,7 @@ def candidates(model: Model | str | Path | None = None) -> list[Candidate]:
         if not chosen:
             return [_from_file(_find(model, [entry.name for entry in bundled]))]
     paths = [(entry, bundled_path(entry)) for entry in chosen]
-    return [Candidate(f'bundled "{entry.name}"', read_card(path), path) for entry, path in paths]
+    return [Candidate(_title(entry), read_card(path), path) for entry, path in paths]
 
 
 def choose(among: Sequence[Candidate], kept: KeptReader) -> tuple[Candidate, str]:
@@ -106,6 +106,17 @@ def choose(among: Sequence[Candidate], kept: KeptReader) -> tuple[Candidate, str
     return among[best], reason
 
 
+def suited_better(chosen: Candidate, kept: KeptReader) -> str | None:
+    """A warning, if a bundled model was named and another one suits the scan's density."""
+    entries = bundled_models()
+    if len(entries) < 2 or chosen.name not in map(_title, entries):
+        return None
+    best, reason = choose(candidates(DEFAULT), kept)
+    if best.name == chosen.name:
+        return None
+    return f"{best.name} suits the scan better than {chosen.name}: {reason}"
+
+
 def choose_prepared(among: Sequence[Candidate], prepare: PrepareConfig) -> Candidate:
     """The candidate of a prepared data set's voxel size; the nearest, where none has it."""
     return min(among, key=lambda it: abs(math.log(it.card.prepare.voxel_size / prepare.voxel_size)))
@@ -130,6 +141,10 @@ def _best(cards: Sequence[ModelCard], densities: Sequence[Density]) -> int:
         if density.near <= filled or is_uneven:
             return number
     return min(range(len(cards)), key=misfits.__getitem__)
+
+
+def _title(entry: BundledModel) -> str:
+    return f'bundled "{entry.name}"'
 
 
 def _from_file(path: Path) -> Candidate:

@@ -24,7 +24,7 @@ from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.labeled_scan import write_labeled
 from bushseg.labeler import label_tiles
-from bushseg.model_choice import candidates, choose
+from bushseg.model_choice import candidates, choose, suited_better
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.scan import mask_no_returns, read_voxels
@@ -117,6 +117,7 @@ def predict_file(
         kept = KeptReader(reader)
         with stages.timed("choose the model"):
             chosen, reason = choose(known, kept)
+            misfit = None if reason else suited_better(chosen, kept)
         with stages.timed("load the model"):
             network = chosen.load()
         card = chosen.card
@@ -157,7 +158,7 @@ def predict_file(
         stages=stages.seconds,
         points_per_second=num_points / seconds,
         peak_memory=peak_memory(),
-        warnings=(*warnings, *filter(None, [lost])),
+        warnings=(*filter(None, [misfit]), *warnings, *filter(None, [lost])),
     )
 
 

@@ -268,7 +268,7 @@ def pair_kernels(num_neighbors: int, num_columns: int) -> PairKernels:
             mean: Written to, (points, C).
 
         Returns:
-            The sum of `pooled`: NaN if anything in it is.
+            A sum that is not finite if anything overflowed, or all weights of a point vanished.
         """
         check = _ZERO
         for n in range(len(pooled)):
@@ -282,7 +282,7 @@ def pair_kernels(num_neighbors: int, num_columns: int) -> PairKernels:
                     plain += value
                 pooled[n, c] = weighted / total
                 mean[n, c] = plain / np.float32(k_count)
-                check += weighted / total
+                check += weighted / total + total
         return check
 
     @compiled_fast

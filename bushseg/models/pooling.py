@@ -174,7 +174,7 @@ class _Work:
         fused, scores = self._fuse(start, stop)
         scores.exp_()
         out = pooled.numpy(), mean.numpy()
-        if math.isnan(self.kernels.pool(scores.numpy(), fused.numpy(), *out)):
+        if not math.isfinite(self.kernels.pool(scores.numpy(), fused.numpy(), *out)):
             self.huge = True
             fused, scores = self._fuse(start, stop)
             _weigh(scores, self.k)

@@ -20,6 +20,7 @@ def test_predict_by_name(bushseg, scans):
     named = ("predict", scans / "south.las", "-o", "out.las", "--model", "airborne", "--json")
     result = json.loads(bushseg(*named).out)
     assert (result["model"], result["reason"]) == ('bundled "airborne"', "")
+    assert result["warnings"][0].startswith('bundled "close" suits the scan better')
     unknown = bushseg("predict", scans / "south.las", "-o", "new.las", "-m", "near")
     assert unknown.status == 1
     assert "bundled are close, airborne" in unknown.err

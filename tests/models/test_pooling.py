@@ -96,6 +96,20 @@ def test_huge_scores_neither_overflow_nor_vanish(scale):
         assert found[0].isfinite().all()
 
 
+@pytest.mark.parametrize("score", [80.0, 87.0, 88.5, 200.0, -200.0])
+@pytest.mark.parametrize("value", [1e-3, 1e3])
+def test_sums_at_the_edge_of_float32(score, value):
+    """Each exponential is finite or nearly so, but their sum, or times a value, need not be."""
+    tensors = list(inputs(100, 16, 8, 16))
+    tensors[0] = torch.full_like(tensors[0], value)
+    tensors[2] = torch.zeros_like(tensors[2])  # nothing but features
+    tensors[4] = torch.full_like(tensors[4], score / (value * tensors[0].shape[1]))
+    pooled, _ = attentive_pool(*tensors)
+    width = tensors[0].shape[1]
+    torch.testing.assert_close(pooled[:, :width], torch.full((100, width), value))
+    assert not pooled[:, width:].any()
+
+
 def test_nan_stays_where_it_is():
     tensors = inputs(50, 4, 3, 0)
     tensors[0][7] = float("nan")

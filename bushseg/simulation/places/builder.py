@@ -102,12 +102,12 @@ class Builder:
         radius: float,
         candidates: FloatArray | None = None,
         yaw: float | None = None,
-    ) -> FloatArray:
-        """Stand something where there is room for it; return where, (2,), metres."""
+    ) -> None:
+        """Stand something where there is room for it, or nowhere."""
         where = self.anywhere() if candidates is None else candidates
         place = self.ground.claim(where, radius)
-        self.add(model, class_name, place, self.yaw() if yaw is None else yaw)
-        return place
+        if place is not None:
+            self.add(model, class_name, place, self.yaw() if yaw is None else yaw)
 
     def build(
         self, form: BuildingForm, candidates: FloatArray, yaw: float
@@ -126,6 +126,8 @@ class Builder:
             if house.length < 2 or room < 0.9 * house.radius:
                 return None
         place = ground.claim(inside, 0.9 * house.radius, keep=0.0)
+        if place is None:
+            return None
         ground.level(place, 0.85 * house.radius)
         cos, sin = np.cos(yaw), np.sin(yaw)
         off = np.abs((ground.centers() - place) @ np.array([[cos, -sin], [sin, cos]]))

@@ -72,21 +72,19 @@ def park(b: Builder) -> None:
     """Lawns and winding paved ways, groups of trees, shrub beds, benches and a playground."""
     b.path = loop(b.rng, b.size) if b.rng.random() < 0.5 else winding(b.rng, b.size, bend=0.3)
     half, paving = b.rng.uniform(0.9, 1.6), (ASPHALT, GRAVEL)[b.rng.integers(2)]
-    for way in (b.path, winding(b.rng, b.size, bend=0.2)):
+    ways = (b.path, winding(b.rng, b.size, bend=0.2))
+    for way in ways:
         b.ground.grade(way, half, shoulder=1.0)
         b.ground.lay(b.ground.within(way, half), paving)
         b.ground.clear(way, half)
         b.bare |= b.ground.within(way, half)
-        for name in ("bench", "bin") if b.has("furniture") else ():
-            for place in b.along(way, half + 0.6, 2):
-                b.stand(FURNITURE[name](b.rng), "man-made", 0.4, place[None])
+    for name in 2 * ("bench", "bench", "bin") if b.has("furniture") else ():
+        where = b.along(ways[b.rng.integers(2)], half + 0.6)
+        b.stand(FURNITURE[name](b.rng), "man-made", 0.5, where)
     for _ in range(b.count("buildings")):
         b.build("shed" if b.rng.random() < 0.5 else "flat", b.anywhere(), b.yaw())
     if b.has("furniture") and b.rng.random() < 0.5:
-        center = b.ground.claim(b.anywhere(), 4.0, keep=0.0)
-        for name in ("swing", "climbing frame", "table"):
-            around = center + b.rng.normal(0, 2.0, (40, 2))
-            b.stand(FURNITURE[name](b.rng), "man-made", 1.3, around)
+        _playground(b)
     groups = b.rng.uniform(0, b.size, (4, 2))
     near = np.linalg.norm(b.ground.centers()[:, None] - groups, axis=2).min(axis=1)
     b.woods = np.exp(-((near / (0.15 * b.size)) ** 2)).reshape(b.woods.shape) + 0.1
@@ -95,6 +93,16 @@ def park(b: Builder) -> None:
         end = np.clip(start + 5 * np.array([np.cos(yaw), np.sin(yaw)]), 1, b.size - 1)
         b.hedge(np.linspace(start, end, 6))
     _mow(b)
+
+
+def _playground(b: Builder) -> None:
+    """Set up a swing, a climbing frame and a table close to each other."""
+    center = b.ground.claim(b.anywhere(), 4.0, keep=0.0)
+    if center is None:
+        return
+    for name in ("swing", "climbing frame", "table"):
+        around = center + b.rng.normal(0, 2.0, (40, 2))
+        b.stand(FURNITURE[name](b.rng), "man-made", 1.3, around)
 
 
 def _border(b: Builder) -> None:

@@ -58,7 +58,8 @@ def _things(b: Builder) -> None:
             place = b.ground.claim(b.anywhere(), 0.4)
         else:
             place = b.ground.claim(b.along(b.path, 1.0), 0.4, least=BUILT)
-        b.add(person(b.rng), "vehicle or person", place, b.yaw())
+        if place is not None:
+            b.add(person(b.rng), "vehicle or person", place, b.yaw())
 
 
 def _trees(b: Builder) -> None:
@@ -76,6 +77,8 @@ def _rocks(b: Builder) -> None:
     for _ in range(b.count("rocks")):
         size = float(np.clip(b.rng.lognormal(-0.7, 0.6), 0.15, 2.5))
         place = b.ground.claim(b.anywhere(20), 0.5 * size + 0.3)
+        if place is None:
+            continue
         model = placed(rock(b.rng, size), b.ground.terrain.point(place), b.yaw())
         b.scene.add(model, "ground", instance=False)
 

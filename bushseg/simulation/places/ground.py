@@ -109,8 +109,8 @@ class Ground:
 
     def claim(
         self, candidates: FloatArray, radius: float, least: int = PLANT, keep: float | None = None
-    ) -> FloatArray:
-        """Take the first place that has room, or the one with most room.
+    ) -> FloatArray | None:
+        """Take the first place that has room, or the one with most room if that is about half.
 
         Args:
             candidates: Places to try, metres, shape (N, 2).
@@ -119,12 +119,14 @@ class Ground:
             keep: Room then taken, metres; None: as much as was wanted.
 
         Returns:
-            The place, (2,), metres.
+            The place, (2,), metres; None where there is no room.
         """
         edge = min(max(MARGIN, radius), 0.4 * self.size)
         inside = np.clip(candidates, edge, self.size - edge)
         room = self.at(self.clearance(least), inside)
         roomy = np.flatnonzero(room >= radius)
+        if room.max() < 0.5 * radius:
+            return None
         place: FloatArray = inside[roomy[0] if len(roomy) else int(room.argmax())]
         self.take(place[None], np.array([radius if keep is None else keep]), BUILT)
         return place

@@ -1,6 +1,7 @@
 """Where a site's plants come from: some of each kind are grown, the rest are copies."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,12 @@ TRIANGLES = {"trees": 26_000, "shrubs": 8_000, "saplings": 8_000, "hedges": 2_50
 """What one of each (a metre of hedge) has at full detail, roughly."""
 
 LEAST_DETAIL = 0.06
+
+FAVOR = 1.0
+"""How much sites differ in what grows: spread of the logarithms of kinds' weights."""
+
+WINTER = 0.85
+"""Share of leafless plants where it is winter."""
 
 
 class Nursery:
@@ -51,7 +58,8 @@ class Nursery:
             fruit: Whether trees are an orchard's.
         """
         detail = config.detail * min(1.0, MOST_TRIANGLES / max(_triangles(amounts, size), 1.0))
-        plants = config.model_copy(update={"detail": max(detail, LEAST_DETAIL)})
+        plants = _of_site(rng, config)
+        plants = plants.model_copy(update={"detail": max(detail, LEAST_DETAIL)})
         self.config = plants
         self._rng = rng
         vigor = (amounts["vigor"], amounts["vigor"], amounts["vigor"])
@@ -81,6 +89,23 @@ class Nursery:
     def hedge(self, length: float, height: float | None = None) -> Plant:
         """A length of hedge along x, metres."""
         return grow_hedge(self._rng, self.config, length, height)
+
+
+def _of_site(rng: np.random.Generator, config: PlantsConfig) -> PlantsConfig:
+    """Draw what grows on one site: some kinds more than others, and all in one season.
+
+    Over many sites the shares are those of the settings.
+    """
+    chance = rng.random()
+    changes: dict[str, Any] = {}
+    for name in ("shrub_habits", "tree_forms", "grass_stands", "herb_kinds"):
+        weights = getattr(config, name)
+        changes[name] = {kind: w * float(rng.lognormal(0, FAVOR)) for kind, w in weights.items()}
+    for name in ("tree_leafless", "shrub_leafless"):
+        share = getattr(config, name)
+        winter = chance < share
+        changes[name] = WINTER if winter else share * (1 - WINTER) / max(1 - share, 1e-6)
+    return config.model_copy(update=changes)
 
 
 def _triangles(amounts: Mapping[str, float], size: float) -> float:

@@ -88,6 +88,8 @@ def yard(b: Builder) -> None:
     for _ in range(heaps):
         radius = b.rng.uniform(1.0, 3.2)
         place = b.ground.claim(b.anywhere(), 0.8 * radius)
+        if place is None:
+            continue
         b.scene.add(
             placed(heap(b.rng, radius), b.ground.terrain.point(place), b.yaw()),
             "ground",

@@ -46,20 +46,21 @@ def road(b: Builder) -> None:
     if b.rng.random() < 0.5:
         _overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 6)))
     _traffic(b, half)
+    lane = np.clip(beside(b.path, -0.45 * half), 0.5, b.size - 0.5)
+    b.ground.clear(lane, 0.5)
+    b.path = lane  # one drives on the right
 
 
 def _traffic(b: Builder, half: float) -> None:
-    """Set the site's vehicles on both lanes, each where there is room."""
+    """Set the site's vehicles on the left lane, coming, each where there is room."""
     for _ in range(b.count("vehicles")):
-        side = b.rng.choice((-1, 1))
-        where, yaws = spaced(beside(b.path, side * half / 2), 1.0, start=3.0)
+        where, yaws = spaced(beside(b.path, half / 2), 1.0, start=3.0)
         pick = b.rng.integers(len(where))
         place = np.clip(where[pick], 2, b.size - 2)
         if b.ground.at(b.ground.clearance(BUILT), place[None])[0] < 3.0:
             continue
         kind = ("car", "car", "car", "van", "tractor")[b.rng.integers(5)]
-        yaw = float(yaws[pick]) + (np.pi if side > 0 else 0.0)
-        b.add(VEHICLES[kind](b.rng), "vehicle or person", place, yaw)
+        b.add(VEHICLES[kind](b.rng), "vehicle or person", place, float(yaws[pick]) + np.pi)
         b.ground.take(place[None], np.array([1.0]), BUILT)
     b.amounts["vehicles"] = 0.0
 

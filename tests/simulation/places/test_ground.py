@@ -23,7 +23,8 @@ def test_the_first_free_place_is_taken(ground):
 def test_where_nothing_is_free_the_widest_gap_is_taken(ground):
     ground.take(np.array([(5.0, 5.0)]), np.array([2.0]), BUILT)
     candidates = np.array([(5, 6), (5, 8), (5, 7)], float)
-    np.testing.assert_array_equal(ground.claim(candidates, 3), (5, 8))
+    np.testing.assert_array_equal(ground.claim(candidates, 1.8), (5, 8))
+    assert ground.claim(candidates[:1], 1.8) is None
 
 
 def test_places_keep_off_the_edge(ground):

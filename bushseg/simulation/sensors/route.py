@@ -46,9 +46,7 @@ class Route:
     @classmethod
     def of(cls, rng: np.random.Generator, site: Site, figures: Figures, *, rides: bool) -> Self:
         """The site's path; where it has none, from station to station."""
-        stations = site.stations[:, :2]
-        path = getattr(site, "path", stations)
-        points = np.asarray(path if len(path) > 1 else stations, np.float64)
+        points = np.asarray(site.path if len(site.path) > 1 else site.stations[:, :2], np.float64)
         if len(points) == 1:
             points = points + np.array([[-2.0, 0.0], [2.0, 0.0]])
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)

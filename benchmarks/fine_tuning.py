@@ -7,7 +7,8 @@ Each labelled site is cut in two by its middle, west and east. In the west some 
 "painted": balls of 0.3 m about random points, as a brush would, every other one on bush; all other
 labels are erased. The model is trained on from there and judged on the east, which it never sees,
 two metres at the cut left out. `--scratch` trains a new network of the same settings on the same
-points beside it. All settings but those named are the model's own.
+points beside it. All settings but those named are the model's own. Finished runs in OUT are not
+trained again.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from tables import print_table
 import bushseg
 from bushseg.config import Config
 from bushseg.io import find_scans
-from bushseg.runs import LAST
+from bushseg.runs import LAST, METRICS
 
 BRUSH = 0.3
 """Radius of a stroke, metres."""
@@ -157,11 +158,17 @@ def strokes(
     return found, number
 
 
+def is_finished(run: Path, epochs: int) -> bool:
+    """Whether a run of so many epochs stands there already: its metrics have a row for each."""
+    metrics = run / METRICS
+    return metrics.exists() and len(metrics.read_text("utf-8").splitlines()) == epochs + 1
+
+
 def tune(
     scans: Path, run: Path, network: Network, epochs: int, seed: int, *, scratch: bool
 ) -> None:
     """Train on from a model, or a new network of its settings, on scans of few labels."""
-    if (run / "config.toml").exists() and (run / LAST).exists():
+    if is_finished(run, epochs):
         return
     card = network.known[0].card
     config = Config().model_copy(update={"prepare": card.prepare, "network": card.network})

@@ -4,8 +4,8 @@ A labeler is anything with a name that gives points the probabilities of the `bu
 classes. It is shown a scan as a user would show it: points and their attributes, no labels.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,6 +15,7 @@ from stations import find_stations
 
 import bushseg
 from bushseg.errors import DataError
+from bushseg.features import source_columns
 from bushseg.grid import VoxelGrid
 from bushseg.ground import height_above_ground
 from bushseg.io.kept import KeptReader
@@ -85,6 +86,34 @@ class Network:
         model = choose(self.known, reader)[0].load()
         _, probabilities = bushseg.predict(scan.cloud, model, sensor=scan.sensor)
         return probabilities
+
+
+class Without:
+    """A labeler that is kept from seeing colors or intensity.
+
+    Args:
+        labeler: Who labels.
+        names: What it isn't shown: "rgb", "intensity".
+    """
+
+    def __init__(self, labeler: Labeler, names: Sequence[str]) -> None:
+        if unknown := set(names) - {"rgb", "intensity"}:
+            raise DataError(f"can't leave out {', '.join(unknown)}; choose rgb or intensity")
+        self.labeler, self.names = labeler, names
+        self.name = f"{labeler.name} without {' and '.join(names)}"
+
+    def label(self, scan: Scan) -> NDArray[np.float32]:
+        """As :class:`Labeler`."""
+        columns = source_columns(scan.cloud.attributes)
+        hidden = {
+            theirs
+            for ours, theirs in columns.items()
+            if ("intensity" if ours == "intensity" else "rgb") in self.names
+        }
+        kept = {
+            name: column for name, column in scan.cloud.attributes.items() if name not in hidden
+        }
+        return self.labeler.label(replace(scan, cloud=PointCloud(scan.cloud.xyz, kept)))
 
 
 def read_scan(path: Path) -> Scan:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from judging import BUSH, BUSH_LABEL, NAMES, Judged, Labeler, read_scan
-from objects import LOW, Verdict, held_out_objects, judge_objects, score_objects
+from judging import BUSH_LABEL, NAMES, Judged, Labeler, read_scan
+from objects import LOW, held_out_objects, judge_objects, score_objects
 from real_scans import GROUPS, SOURCES, Source
+from report_tables import print_calibration, print_scores, print_shares, print_verdicts
 from scoring import (
     BANDS,
     bush_by_band,
@@ -15,13 +16,11 @@ from scoring import (
     group_confidence,
     group_confusion,
     reliability,
-    shares,
 )
 from tables import print_table
 
 from bushseg.errors import DataError
 from bushseg.io import find_scans
-from bushseg.metrics import ConfusionMatrix
 
 MAX_POINTS = 300_000
 """Of a larger scan so many points are judged, drawn at random."""
@@ -52,6 +51,16 @@ class Report:
         header = ["measure", *(labeler.name for labeler in self.labelers)]
         print_table("Summary, the worst first", header, [[name, *values] for name, values in rows])
 
+    def as_dict(self) -> dict[str, dict[str, float | None]]:
+        """The summary by labeler and measure; None where a figure is undefined."""
+        return {
+            labeler.name: {
+                measure: None if np.isnan(values[number]) else values[number]
+                for measure, values in self.summary.items()
+            }
+            for number, labeler in enumerate(self.labelers)
+        }
+
     def judge_source(self, source: Source, data: Path) -> None:
         """Judge one collection of real scans."""
         for labeler, judged in self._judge(source.scans(data)):
@@ -59,7 +68,7 @@ class Report:
             for group, iou in zip(GROUPS, confusion.iou.tolist(), strict=True):
                 if confusion.support[GROUPS.index(group)]:
                     self.note(f"{source.name}: IoU of {group}", iou)
-            _print_scores(f"{source.name}, {labeler.name}: by group", GROUPS, confusion)
+            print_scores(f"{source.name}, {labeler.name}: by group", GROUPS, confusion)
             right, confidence = group_confidence(judged, source)
             ece = reliability(confidence, right).error
             print(f"\nExpected calibration error of the groups' probability: {ece:.3f}")
@@ -68,13 +77,13 @@ class Report:
                 for name in dict.fromkeys(source.names.values())
             ]
             rows = [row for row in rows if len(row[1])]
-            _print_shares(f"{source.name}, {labeler.name}: true class, and what it is called", rows)
+            print_shares(f"{source.name}, {labeler.name}: true class, and what it is called", rows)
             plants = np.isin(judged.codes, _codes(source.groups, "vegetation"))
             rows = [
                 (str(band), judged.predictions[plants & band.mask(judged.columns["height"])])
                 for band in BANDS["height"]
             ]
-            _print_shares(f"{source.name}, {labeler.name}: vegetation by height above ground", rows)
+            print_shares(f"{source.name}, {labeler.name}: vegetation by height above ground", rows)
 
     def judge_objects(self, data: Path) -> None:
         """Judge the held-out single objects."""
@@ -93,7 +102,7 @@ class Report:
                 self.note(f"vle{where}: tree IoU", scores.tree_iou)
                 self.note(f"vle{where}: bushes and hedges by majority", scores.bushes_right)
                 self.note(f"vle{where}: trees by majority", scores.trees_right)
-            _print_verdicts(labeler.name, alone, grounded)
+            print_verdicts(labeler.name, alone, grounded)
 
     def judge_simulated(self, folders: Sequence[Path]) -> None:
         """Judge simulated scans, whose labels are exact; those of each folder are a row."""
@@ -112,14 +121,14 @@ class Report:
             confusion = class_confusion(judged)
             for name, iou in zip(NAMES, confusion.iou.tolist(), strict=True):
                 self.note(f"all simulated: IoU of {name}", iou)
-            _print_scores(f"Simulated, {labeler.name}: all, by class", NAMES, confusion)
+            print_scores(f"Simulated, {labeler.name}: all, by class", NAMES, confusion)
             for column, unit in COLUMNS.items():
                 print_table(
                     f"Simulated, {labeler.name}: bush by {column}",
                     [f"{column}, {unit}", "bush points", "precision", "recall", "IoU"],
                     bush_by_band(judged, column),
                 )
-            _print_calibration(f"Simulated, {labeler.name}", judged)
+            print_calibration(f"Simulated, {labeler.name}", judged)
 
     def _judge(self, paths: Sequence[Path]) -> Iterable[tuple[Labeler, Judged]]:
         """Read each scan once, and show it to every labeler."""
@@ -165,64 +174,3 @@ def report(
 def _codes(names: Mapping[int, str], name: str) -> list[int]:
     """The codes that mean something."""
     return [code for code, own in names.items() if own == name]
-
-
-def _print_scores(title: str, names: Sequence[str], confusion: ConfusionMatrix) -> None:
-    columns = (confusion.support, confusion.iou, confusion.precision, confusion.recall)
-    rows = zip(names, *(column.tolist() for column in columns), strict=True)
-    print_table(title, ["class", "points", "IoU", "precision", "recall"], rows)
-
-
-def _print_shares(title: str, rows: Sequence[tuple[str, np.ndarray]]) -> None:
-    print_table(
-        title,
-        ["", "points", *NAMES],
-        [[name, len(predictions), *shares(predictions).tolist()] for name, predictions in rows],
-    )
-
-
-def _print_verdicts(name: str, alone: Sequence[Verdict], grounded: Sequence[Verdict]) -> None:
-    """One row an object: how much of it is called bush, and what it is by majority."""
-    rows = [
-        [one.name, one.truth or "-", one.height, int(one.counts.sum())]
-        + [value for verdict in (one, two) for value in (verdict.share, verdict.majority)]
-        for one, two in zip(alone, grounded, strict=True)
-    ]
-    rows.sort(key=lambda row: (str(row[1]), str(row[0])))
-    print_table(
-        f"vle, {name}: held-out objects, each by itself",
-        [
-            "object",
-            "truth",
-            "height, m",
-            "points",
-            "bush",
-            "majority",
-            "bush, on ground",
-            "majority",
-        ],
-        rows,
-    )
-
-
-def _print_calibration(title: str, judged: Judged) -> None:
-    """ECE of the confidence and of each class's probability, and the reliability of bush."""
-    labels = BUSH.encode(judged.codes).labels
-    known = labels >= 0
-    labels, probabilities = labels[known], judged.probabilities[known]
-    top = reliability(probabilities.max(axis=1), probabilities.argmax(axis=1) == labels)
-    classes = [reliability(probabilities[:, c], labels == c) for c in range(len(NAMES))]
-    rows = [["confidence", top.error], *zip(NAMES, (one.error for one in classes), strict=True)]
-    print_table(f"{title}: expected calibration error", ["probability of", "ECE"], rows)
-    bush = classes[BUSH_LABEL]
-    print_table(
-        f"{title}: reliability of the bush probability",
-        ["mean probability", "points", "are bush"],
-        [
-            [said / count, int(count), right / count]
-            for said, count, right in zip(
-                bush.confidence.tolist(), bush.counts.tolist(), bush.correct.tolist(), strict=True
-            )
-            if count
-        ],
-    )

@@ -1,5 +1,9 @@
 """The real scans that models are judged on: which there are, what their codes mean, who may train.
 
+    python benchmarks/real_scans.py ../shared/data
+
+prints which scan may shape weights and which judges them.
+
 The folders are those of the project's optional data folder, which isn't part of the repository. The
 rule by which scans teach or judge is here, in code, so that a training recipe asks it
 (:func:`may_train`) instead of keeping a list of its own.
@@ -8,10 +12,14 @@ Real labels tell fewer things apart than the `bush` scheme does: SemanticKITTI h
 woody plants, surveys have bands of height. So real scans are judged by groups of our classes.
 """
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tables import print_table
+
+from bushseg.io import find_scans
 from bushseg.labels import SCHEMES
 
 GROUPS = ("ground", "vegetation", "building", "man_made", "vehicle_person")
@@ -117,3 +125,25 @@ def training_scans(data: Path) -> list[Path]:
     """The real scans of a data folder that training may use, sorted."""
     found = sorted((*data.glob("vle/*.las"), *data.glob("ign/*.laz")))
     return [path for path in found if may_train(path)]
+
+
+def main() -> None:
+    """Print the split."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("data", type=Path, help="folder of the real scans")
+    options = parser.parse_args()
+    folders = [
+        folder for folder in ("vle", "ign", "frames", "odm") if (options.data / folder).is_dir()
+    ]
+    rows = [
+        [f"{folder}/{path.name}", "may train" if may_train(path) else "judges"]
+        for folder in folders
+        for path in find_scans([options.data / folder])
+    ]
+    print_table("", ["scan", "use"], sorted(rows, key=lambda row: (row[1], row[0])))
+
+
+if __name__ == "__main__":
+    main()

@@ -16,7 +16,7 @@ from bushseg.runs import BEST, RUNS, find_model
 DEFAULT = "default"
 """Names whichever bundled model suits the data."""
 
-_MARGIN = 1.25  # densities vary between scans: this far outside still fits
+_MARGIN = 1.5  # this much sparser than its training data a scan may be and still suit a model
 _SPREAD = 3.0  # far over near, from which on a sensor is taken to have stood in the scene
 _FILLED = 0.75  # voxel sizes times root K to the K-th neighbor, up to which a surface is filled
 
@@ -125,11 +125,10 @@ def choose_prepared(among: Sequence[Candidate], prepare: PrepareConfig) -> Candi
 def _best(cards: Sequence[ModelCard], densities: Sequence[Density]) -> int:
     """Which model suits a scan of these densities at the models' voxel sizes.
 
-    At large voxels every dense scan looks alike, so the finest model is taken whose voxels the scan
-    fills where it is dense, or whose training data it resembles while being uneven, as only scans
-    from within the scene are. Of real scans, those from the ground and from drones lie below 2.4
-    voxels of 0.1 m to the 16th neighbor there and those from the air above 3.6; single frames
-    spread by 4 and more, no other scan by 3. If none is filled, the nearest training data decide.
+    At large voxels every dense scan looks alike, so the finest model is taken whose training data
+    were not much denser and whose voxels the scan fills where it is dense, or is uneven, as only
+    scans from within the scene are. `benchmarks/density.py` shows by how much real scans differ. If
+    that is so for none, the nearest training data decide.
     """
     misfits = []
     for number, (card, density) in enumerate(zip(cards, densities, strict=True)):
@@ -137,8 +136,8 @@ def _best(cards: Sequence[ModelCard], densities: Sequence[Density]) -> int:
         reach = max(density.median, 1e-9)
         misfits.append(max(0.0, math.log(low / reach), math.log(reach / high)))
         filled = _FILLED * card.prepare.voxel_size * math.sqrt(card.prepare.num_neighbors)
-        is_uneven = density.spread >= _SPREAD and misfits[-1] <= math.log(_MARGIN)
-        if density.near <= filled or is_uneven:
+        is_near = density.near <= filled or density.spread >= _SPREAD
+        if is_near and density.median <= _MARGIN * high:
             return number
     return min(range(len(cards)), key=misfits.__getitem__)
 

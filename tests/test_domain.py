@@ -1,10 +1,12 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bushseg.domain import domain_warnings
 from bushseg.io import open_scan
+from bushseg.prediction import predict_file
 from bushseg.scan import VoxelScan, read_voxels
 
 
@@ -99,3 +101,12 @@ def test_an_unsure_model(say, scan, model):
 def test_a_card_that_says_nothing_of_heights(model, scan):
     card = model.card.model_copy(update={"heights": None, "low_share": None, "confidence": None})
     assert domain_warnings(card, scan, card.neighbor_distance[0], confidence=0.1) == []
+
+
+def test_a_real_scan_in_feet(height_model, tmp_path):
+    scan = Path(__file__).resolve().parents[2] / "shared/data/forest/autzen_test.copc.laz"
+    if not scan.exists():
+        pytest.skip(f"no {scan}")
+    result = predict_file(scan, tmp_path / "out.laz", height_model)
+    assert "counts in feet" in result.warnings[0]
+    assert any("sparser" in warning for warning in result.warnings)

@@ -7,10 +7,13 @@ import pytest
 
 from bushseg.config import PrepareConfig
 from bushseg.errors import CheckpointError
+from bushseg.io import open_scan
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
-from bushseg.model_choice import available, candidates, choose, choose_prepared
+from bushseg.model_choice import Candidate, available, candidates, choose, choose_prepared
 from bushseg.points import PointCloud
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 @pytest.fixture(autouse=True)
@@ -115,3 +118,32 @@ def test_what_is_available(bundle, run):
         ("airborne", False),
         ("runs/mine", True),
     ]
+
+
+@pytest.mark.parametrize(
+    ("scan", "name"),
+    [
+        ("forest/TLS_Clip.laz", "close"),
+        ("forest/MLS_Clip.laz", "close"),
+        ("forest/QuePet_BR02_02_2019-08-24_q2_ULS-on.laz", "close"),
+        ("frames/seq00_000000.bin", "close"),
+        ("odm/brighton_small.laz", "close"),
+        ("forest/MixedConifer.laz", "airborne"),
+        ("forest/points_rgb.laz", "airborne"),
+        ("forest/autzen_test.copc.laz", "airborne"),
+        ("ign/ign_77050_627755.laz", "airborne"),
+        ("ign/origin_dsmMarker.laz", "airborne"),
+    ],
+)
+def test_real_scans(model, scan, name):
+    """With the voxel sizes that bundled models have, 16 neighbors, and densities as they see."""
+    path = DATA / scan
+    if not path.exists():
+        pytest.skip(f"no {path}")
+    among = []
+    for known, voxel_size, distances in (("close", 0.1, (0.2, 1.0)), ("airborne", 0.3, (0.5, 3))):
+        prepare = PrepareConfig(voxel_size=voxel_size)
+        changes = {"prepare": prepare, "neighbor_distance": distances}
+        among.append(Candidate(known, model.card.model_copy(update=changes), model))
+    with open_scan(path) as reader:
+        assert choose(among, KeptReader(reader))[0].name == name

@@ -77,6 +77,13 @@ def tilted(rng: np.random.Generator, axes: FloatArray, angles: ArrayLike) -> Flo
     return np.cos(angle) * axes + np.sin(angle) * unit(sideways)
 
 
+def allotted(rng: np.random.Generator, shares: FloatArray, number: int) -> NDArray[np.intp]:
+    """Draw `number` indices by `shares` (N,) of any sum, in order; as even as chance allows."""
+    cumulated = np.cumsum(shares)
+    marks = (np.arange(number) + rng.uniform(0, 1, number)) * (cumulated[-1] / number)
+    return np.minimum(np.searchsorted(cumulated, marks), len(shares) - 1)
+
+
 def tapering(base: FloatArray, knots: int, tip: float = 0.3) -> FloatArray:
     """Radii (N, K) that fall from `base` (N,), metres, to a share `tip` of it."""
     return np.maximum(base[:, None] * np.linspace(1, tip, knots), THINNEST)
@@ -161,7 +168,7 @@ def sprouting(
     """
     reach = parents.lengths()
     share = reach + 0.25 * reach.mean()  # or else the tops of conifers would be bare
-    index = np.sort(rng.choice(len(parents), number, p=share / share.sum()))
+    index = allotted(rng, share, number)
     t = rng.uniform(start, 1, number)
     feet, axes, radii = parents.at(index, t)
     headings = tilted(rng, axes, rng.normal(*angle, number))

@@ -5,7 +5,7 @@ import numpy as np
 from bushseg.points import FloatArray
 from bushseg.simulation.materials import DEAD_LEAF, Material
 from bushseg.simulation.mesh import Mesh
-from bushseg.simulation.plants.branches import Branches
+from bushseg.simulation.plants.branches import Branches, allotted
 from bushseg.simulation.plants.config import PlantsConfig
 from bushseg.simulation.plants.leaves import LeafKind, leaves, number_and_scale
 from bushseg.simulation.plants.scatter import patches
@@ -46,7 +46,7 @@ def foliage(
     # The third dimension is folded into two: what matters is that neighbors are alike.
     folded = middles[:, :2] + (0.8, -0.6) * middles[:, 2:]
     share = twigs.lengths() * np.exp(unevenness * patches(rng, folded, size))
-    index = np.sort(rng.choice(len(twigs), number, p=share / share.sum()))
+    index = allotted(rng, share, number)
     places, headings, _ = twigs.at(index, rng.uniform(start, 1.0, number))
     places = places + spread * rng.standard_normal(places.shape)
     kept = places[:, 2] > lowest

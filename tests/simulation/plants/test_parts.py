@@ -7,7 +7,14 @@ from bushseg.errors import ConfigError
 from bushseg.simulation.materials import BARK
 from bushseg.simulation.mesh import Surface, box
 from bushseg.simulation.plants import Plant, PlantsConfig, Pool, scatter
-from bushseg.simulation.plants.branches import Branches, blades, reaching, sprouting, tilted
+from bushseg.simulation.plants.branches import (
+    Branches,
+    allotted,
+    blades,
+    reaching,
+    sprouting,
+    tilted,
+)
 from bushseg.simulation.plants.crowns import foliage, volume, within
 from bushseg.simulation.plants.distributions import choose, draw_many
 from bushseg.simulation.plants.leaves import DENSITIES, LeafKind, inclinations, leaves
@@ -61,6 +68,12 @@ def test_sprouts_leave_their_parent_where_told():
     assert (feet[:, 2] <= 2).all()
     assert (twigs.lengths() >= 0.1 - 1e-9).all()
     assert (twigs.lengths() <= 0.2 + 1e-9).all()
+
+
+def test_allotted_by_shares():
+    index = allotted(np.random.default_rng(0), np.array([3.0, 0.0, 1.0]), 400)
+    assert np.bincount(index, minlength=3).tolist() == pytest.approx([300, 0, 100], abs=1)
+    assert (np.diff(index) >= 0).all()
 
 
 def test_blades_have_a_rods_area():

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bushseg.simulation.plants import PlantsConfig, grow_hedge, grow_shrub
 from bushseg.simulation.plants.shrubs import HABITS
@@ -48,6 +50,15 @@ def test_a_seed_grows_one_shrub():
     one, same, other = (grow_shrub(np.random.default_rng(seed), LEAVED) for seed in (5, 5, 6))
     np.testing.assert_array_equal(vertices(one), vertices(same))
     assert len(vertices(one)) != len(vertices(other))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 8), st.sampled_from(sorted(HABITS)))
+@settings(max_examples=20)
+def test_any_shrub_is_sound(seed, height, habit):
+    config = PlantsConfig(detail=0.2, shrub_leafless=0.5, shrub_shoots=0)
+    shrub = grow_shrub(np.random.default_rng(seed), config, habit, height)
+    assert np.isfinite(vertices(shrub)).all()
+    assert 0.8 * height < shrub.height < 1.3 * height + 0.2
 
 
 def test_leafless_shrubs_are_mostly_twigs():

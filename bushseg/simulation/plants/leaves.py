@@ -19,7 +19,7 @@ DENSITIES = {
 }
 """Densities of leaf inclinations after de Wit (1965), by name, at 0 to 90 degrees."""
 
-LARGEST = 3.0
+LARGEST = 6.0
 """Leaves are drawn at most so many times over life-size; rather a plant is too thin."""
 
 

@@ -70,6 +70,9 @@ HABITS: dict[ShrubHabit, Habit] = {
 }
 """Habits by name; widths and leaf densities come on top of what the settings say."""
 
+TALLEST = 5.5
+"""No shrub is drawn higher, metres: several stems and higher still is a tree."""
+
 WINTER_LEAVES = 0.04
 """Leaf area that leafless shrubs keep, over what they would have."""
 
@@ -90,7 +93,7 @@ def grow_shrub(
     """
     build = HABITS[choose(rng, config.shrub_habits) if habit is None else habit]
     if height is None:
-        height = draw(rng, config.shrub_height)
+        height = min(draw(rng, config.shrub_height), TALLEST)
     # Tall shrubs are less wide for their height: they would be thickets, not plants.
     half = min(0.5 * height * rng.uniform(*build.width), 1.2 + 0.35 * height)
     bare = rng.random() < config.shrub_leafless

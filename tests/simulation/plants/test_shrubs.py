@@ -75,6 +75,11 @@ def test_heights_follow_the_settings():
     assert 0.2 < np.median(heights) < 0.6
 
 
+def test_no_shrub_is_drawn_as_high_as_a_tree():
+    giants = PlantsConfig(shrub_height=(8.0, 9.0, 10.0), shrub_shoots=0, detail=0.2)
+    assert grow_shrub(np.random.default_rng(0), giants).height < 6.1
+
+
 def test_detail_changes_triangles_and_not_size():
     fine, coarse = (
         grow_shrub(np.random.default_rng(1), LEAVED.model_copy(update={"detail": d}), "dense", 3.0)
@@ -100,5 +105,5 @@ def test_clipped_hedges_are_flat():
     config = PlantsConfig(hedge_clipped=1, shrub_leafless=0)
     hedge = grow_hedge(np.random.default_rng(2), config, 8.0, height=1.5)
     z = hedge.model[0].mesh.vertices[:, 2]
-    assert np.quantile(z, 0.999) < 1.62
+    assert np.quantile(z, 0.99) < 1.62
     assert np.mean(z > 1.3) > 0.15  # the top is a face full of leaves

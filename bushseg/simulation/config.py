@@ -20,7 +20,7 @@ class SimulateConfig(Section):
     num_sites: int = Field(1, ge=1, le=10_000, description="Sites to make, each another")
     seed: int = Field(0, ge=0, description="Seed; the same seed gives the same points")
     size: float = Field(40.0, ge=20, le=500, description="Edge of the square site, metres")
-    place: PlaceName | Literal["mixed"] = Field(
+    place: Literal[PlaceName, "mixed"] = Field(
         "garden", description="What the sites are; mixed draws a place for each, by weight"
     )
     sensor: SensorConfig = SensorConfig()

@@ -36,6 +36,7 @@ def test_nonsense_is_refused_by_name(setting, value):
         ("places = 3", "places"),
         ("[terrain]\nslope = 3", "terrain.slope"),
         ("size = 4", "size is 4"),
+        ("place = 'moon'", "place is 'moon'.*garden"),
         ("[sensor]\nkind = 'sonar'", "sensor.kind"),
         ("size = ", "TOML"),
     ],

@@ -5,7 +5,7 @@ PIP := $(VENV)/bin/pip install -q -c constraints.txt
 BUSHSEG := $(VENV)/bin/bushseg
 DEMO := demo
 
-.PHONY: run test test-slow clean
+.PHONY: run test test-slow model clean
 
 # The whole path, on sites that are made up on the spot; the last one is not trained on.
 run: $(VENV)/.installed
@@ -17,6 +17,11 @@ run: $(VENV)/.installed
 	$(BUSHSEG) predict $(DEMO)/unseen/site_000.laz -o $(DEMO)/labeled.laz --model $(DEMO)/run
 	$(BUSHSEG) evaluate $(DEMO)/labeled.laz $(DEMO)/unseen/site_000.laz -o $(DEMO)/report
 	$(BUSHSEG) render $(DEMO)/labeled.laz -o $(DEMO)/labeled.png
+
+# The bundled models again, from nothing; DATA=FOLDER adds the real scans that may teach.
+model: $(VENV)/.installed
+	PYTHONPATH=benchmarks $(VENV)/bin/python recipes/make_model.py close
+	PYTHONPATH=benchmarks $(VENV)/bin/python recipes/make_model.py airborne $(if $(DATA),--data $(DATA))
 
 test: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff format --check .

@@ -1,0 +1,99 @@
+"""Make a bundled model: simulate sites, prepare them, train, and put the result into the package.
+
+    PYTHONPATH=benchmarks python recipes/make_model.py close --work build/models [--data DATA]
+
+Everything is seeded, and what stands in the work folder already is kept, so that a stopped run goes
+on. With --data, the folder of real scans, those that may teach take part in the airborne model.
+`--only sites` stops before training; `test` is no model but the sites that judge both.
+"""
+
+import argparse
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from real import write_real_scans
+from sites import TEST, TRAINING
+
+import bushseg
+from bushseg.config import Config
+from bushseg.parallel import num_workers
+from bushseg.progress import Silent
+from bushseg.runs import LAST
+from bushseg.simulation import SimulateConfig, simulate
+
+ROOT = Path(__file__).resolve().parent.parent
+PURPOSES = {
+    "close": "tripods, mobile mapping, LiDAR frames and low drones",
+    "airborne": "surveys from aircraft and high drones",
+}
+
+
+def main() -> None:
+    """Read the options and do what is left to do."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("name", choices=(*TRAINING, "test"))
+    parser.add_argument("--work", type=Path, default=ROOT / "build" / "models")
+    parser.add_argument("--data", type=Path, help="folder of real scans")
+    parser.add_argument("--only", choices=("sites",))
+    options = parser.parse_args()
+    sites = TEST if options.name == "test" else TRAINING[options.name]
+    scans = make_sites(options.work / options.name, sites)
+    if options.only is None and options.name != "test":
+        if options.data is not None and options.name == "airborne":
+            scans.append(write_real_scans(options.data, options.work / "real"))
+        run = train(options.name, scans, options.work)
+        bundle(options.name, run)
+
+
+def make_sites(folder: Path, sites: dict[str, SimulateConfig]) -> list[Path]:
+    """Simulate what isn't there yet, a process a core; returns the folders of scans."""
+    with ProcessPoolExecutor(num_workers()) as pool:
+        calls = [
+            pool.submit(_simulate, folder / name, config)
+            for name, config in sites.items()
+            if _num_sites(folder / name) < config.num_sites
+        ]
+        for call in calls:
+            call.result()
+    return [folder / name for name in sites]
+
+
+def _num_sites(folder: Path) -> int:
+    return len({path.stem[: len("site_000")] for path in folder.glob("site_*")})
+
+
+def _simulate(folder: Path, config: SimulateConfig) -> None:
+    simulate(folder, config)
+    print(f"{folder}: {config.num_sites} sites", flush=True)
+
+
+def train(name: str, scans: list[Path], work: Path) -> Path:
+    """Prepare and train, or go on with training; returns the run."""
+    config = Config.load(ROOT / "recipes" / f"{name}.toml")
+    prepared, run = work / f"{name}-prepared", work / f"{name}-run"
+    bushseg.prepare(scans, prepared, config.prepare)
+    bushseg.train(prepared, run, config, resume=(run / LAST).exists(), progress=Lines())
+    return run
+
+
+class Lines(Silent):
+    """Prints what training notes, a line an epoch."""
+
+    def note(self, message: str) -> None:
+        """Print it."""
+        print(message, flush=True)
+
+
+def bundle(name: str, run: Path) -> None:
+    """Store the run's best model in the package."""
+    tool = ROOT / "tools" / "bundle_model.py"
+    command = [sys.executable, tool, run, "--name", name, "--purpose", PURPOSES[name]]
+    subprocess.run(command, check=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -90,7 +90,7 @@ class Forest:
         voxel_size: float,
         *,
         intensity: bool = False,
-        per_class: int = 30_000,
+        per_class: int = 20_000,
         num_trees: int = 100,
         seed: int = 0,
     ) -> None:

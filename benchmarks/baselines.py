@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--model", action="append", default=[], help="one, or a run")
     parser.add_argument("--intensity", action="store_true", help="tell the forest the intensity")
     parser.add_argument("--trees", type=int, default=100)
-    parser.add_argument("--per-class", type=int, default=30_000, help="voxels it learns from")
+    parser.add_argument("--per-class", type=int, default=20_000, help="voxels it learns from")
     parser.add_argument("--only", default="", help="frames, ign, odm, vle, simulated; all")
     options = parser.parse_args()
     networks = [Network(source) for source in options.model]

@@ -5,7 +5,7 @@ import numpy as np
 from bushseg.simulation.materials import ASPHALT, GRAVEL, MEADOW, SOIL
 from bushseg.simulation.places.builder import Builder
 from bushseg.simulation.places.lines import beside, loop, nearest, winding
-from bushseg.simulation.places.settlement import _edges, _mow, _overhead
+from bushseg.simulation.places.settlement import edges, mow, overhead
 from bushseg.simulation.structures.furniture import FURNITURE
 
 
@@ -65,7 +65,7 @@ def fields(b: Builder) -> None:
             b.stand(FURNITURE["hay bale"](b.rng), "man-made", 1.0)
     b.scrub = np.where(cut, 0.25, 1.0)
     if b.rng.random() < 0.3:
-        _overhead(b, beside(b.path, -5.0))
+        overhead(b, beside(b.path, -5.0))
 
 
 def park(b: Builder) -> None:
@@ -92,7 +92,7 @@ def park(b: Builder) -> None:
         start, yaw = b.anywhere(1)[0], b.yaw()
         end = np.clip(start + 5 * np.array([np.cos(yaw), np.sin(yaw)]), 1, b.size - 1)
         b.hedge(np.linspace(start, end, 6))
-    _mow(b)
+    mow(b)
 
 
 def _playground(b: Builder) -> None:
@@ -108,7 +108,7 @@ def _playground(b: Builder) -> None:
 def _border(b: Builder) -> None:
     """Hedge, fence or leave open the site's edges."""
     left = b.amounts["hedges"] * b.size**2 / 1000
-    for start, end in _edges(b.size):
+    for start, end in edges(b.size):
         line = np.linspace(start, end, 12)
         if left > b.size / 2:
             b.hedgerow(line)

@@ -29,9 +29,9 @@ def garden(b: Builder) -> None:
         house = b.build(form, b.anywhere(), b.rng.uniform(-0.3, 0.3))
         if house is not None and number == 0:
             _drive(b, house)
-    for start, end in _edges(b.size):
+    for start, end in edges(b.size):
         _boundary(b, np.linspace(start, end, 8), ("picket", "wall", "wire", "boards", "hedge"))
-    _mow(b)
+    mow(b)
 
 
 def village(b: Builder) -> None:
@@ -62,9 +62,9 @@ def village(b: Builder) -> None:
             far = line[0] + across * min(b.size / 3, 14)
             inside = np.clip(np.linspace(line[0], far, 8), EDGE, b.size - EDGE)
             _boundary(b, inside, ("picket", "wire", "boards", "hedge", "wall"))
-    _overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 1.0)))
+    overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 1.0)))
     _park(b, b.path, half - 0.8)
-    _mow(b)
+    mow(b)
 
 
 def yard(b: Builder) -> None:
@@ -82,7 +82,7 @@ def yard(b: Builder) -> None:
     forms: tuple[BuildingForm, ...] = ("barn", "flat", "shed", "gable")
     for _ in range(b.count("buildings")):
         b.build(forms[b.rng.integers(4)], b.anywhere(), b.yaw())
-    for start, end in _edges(b.size):
+    for start, end in edges(b.size):
         _boundary(b, np.linspace(start, end, 8), ("mesh", "boards", "concrete", "wire"))
     heaps = int(b.rng.integers(1, 2 + round(b.size / 15))) if b.has("rocks") else 0
     for _ in range(heaps):
@@ -97,7 +97,7 @@ def yard(b: Builder) -> None:
         )
 
 
-def _edges(size: float) -> list[tuple[FloatArray, FloatArray]]:
+def edges(size: float) -> list[tuple[FloatArray, FloatArray]]:
     """The four lines along a site's edges."""
     near, far = EDGE, size - EDGE
     ring = np.array([(near, near), (far, near), (far, far), (near, far), (near, near)])
@@ -154,7 +154,7 @@ def _park(b: Builder, line: FloatArray, off: float) -> None:
     b.amounts["vehicles"] = 0.0
 
 
-def _overhead(b: Builder, line: FloatArray) -> None:
+def overhead(b: Builder, line: FloatArray) -> None:
     """Set poles along a line and hang wires between them."""
     if not b.has("poles"):
         return
@@ -170,7 +170,7 @@ def _overhead(b: Builder, line: FloatArray) -> None:
         b.scene.add(wires(np.array(tops), b.rng.uniform(0.3, 1.0)), "man-made")
 
 
-def _mow(b: Builder) -> None:
+def mow(b: Builder) -> None:
     """Mow a share of the ground, in one piece, around the path."""
     distance, _, _ = nearest(b.path, b.ground.centers())
     reach = np.quantile(np.abs(distance), np.clip(b.amounts["mown"], 0, 1))

@@ -6,7 +6,7 @@ from bushseg.simulation.materials import ASPHALT, GRAVEL, SAND, SOIL
 from bushseg.simulation.places.builder import Builder
 from bushseg.simulation.places.ground import BUILT
 from bushseg.simulation.places.lines import beside, nearest, spaced, stretch, winding
-from bushseg.simulation.places.settlement import _overhead
+from bushseg.simulation.places.settlement import overhead
 from bushseg.simulation.structures.poles import marker, sign
 from bushseg.simulation.structures.vehicles import VEHICLES
 from bushseg.simulation.terrain import waves
@@ -44,7 +44,7 @@ def road(b: Builder) -> None:
         elif b.fenced(0.35):
             b.enclose(np.clip(beyond, 0.8, b.size - 0.8), "wire", 1.2)
     if b.rng.random() < 0.5:
-        _overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 6)))
+        overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 6)))
     _traffic(b, half)
     lane = np.clip(beside(b.path, -0.45 * half), 0.5, b.size - 0.5)
     b.ground.clear(lane, 0.5)

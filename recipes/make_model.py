@@ -18,6 +18,7 @@ from sites import TEST, TRAINING
 
 import bushseg
 from bushseg.config import Config
+from bushseg.io import find_scans
 from bushseg.parallel import num_workers
 from bushseg.progress import Silent
 from bushseg.runs import LAST
@@ -43,9 +44,10 @@ def main() -> None:
     sites = TEST if options.name == "test" else TRAINING[options.name]
     scans = make_sites(options.work / options.name, sites)
     if options.only is None and options.name != "test":
+        held_out = last_sites(scans)
         if options.data is not None and options.name == "airborne":
             scans.append(write_real_scans(options.data, options.work / "real"))
-        run = train(options.name, scans, options.work)
+        run = train(options.name, scans, held_out, options.work)
         bundle(options.name, run)
 
 
@@ -71,9 +73,20 @@ def _simulate(folder: Path, config: SimulateConfig) -> None:
     print(f"{folder}: {config.num_sites} sites", flush=True)
 
 
-def train(name: str, scans: list[Path], work: Path) -> Path:
+def last_sites(folders: list[Path]) -> list[Path]:
+    """What each epoch is judged by and confidence is calibrated on: a twelfth of each folder."""
+    held_out: list[Path] = []
+    for folder in folders:
+        found = find_scans([folder])
+        held_out += found[-max(1, len(found) // 12) :]
+    return held_out
+
+
+def train(name: str, scans: list[Path], held_out: list[Path], work: Path) -> Path:
     """Prepare and train, or go on with training; returns the run."""
-    config = Config.load(ROOT / "recipes" / f"{name}.toml")
+    validation = f"scan:{','.join(map(str, held_out))}"
+    settings = {"train": {"validation": validation}}
+    config = Config.load(ROOT / "recipes" / f"{name}.toml", settings)
     prepared, run = work / f"{name}-prepared", work / f"{name}-run"
     bushseg.prepare(scans, prepared, config.prepare)
     bushseg.train(prepared, run, config, resume=(run / LAST).exists(), progress=Lines())

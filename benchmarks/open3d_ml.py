@@ -217,6 +217,10 @@ def print_training(bench: Bench) -> None:
     results = bench.take_turns(
         {
             "bushseg, BushNet": ("ours", {**ours, "network": "BushNet"}),
+            "bushseg, BushNet, --precision auto": (
+                "ours",
+                {**ours, "network": "BushNet", "precision": "auto"},
+            ),
             "bushseg, RandLA-Net": ("ours", {**ours, "network": "RandLA-Net"}),
             "Open3D-ML, RandLA-Net": ("peer", theirs),
         }

@@ -23,6 +23,7 @@ from bushseg.config import NetworkConfig, PrepareConfig, TrainConfig
 from bushseg.dataset import Dataset
 from bushseg.loss import weighted_cross_entropy
 from bushseg.models.bushnet import BushNet
+from bushseg.models.precision import multiplying_in
 from bushseg.runs import find_model
 
 NETWORKS = {"BushNet": NetworkConfig(), "RandLA-Net": NetworkConfig.randla()}
@@ -77,10 +78,11 @@ def training(job: dict[str, Any]) -> dict[str, Any]:
     seconds = []
     for _ in range(job["warm_up_steps"] + job["steps"]):
         begun = time.perf_counter()
-        optimizer.zero_grad()
-        loss = weighted_cross_entropy(network(batch), labels, weights)
-        loss.backward()
-        optimizer.step()
+        with multiplying_in(job.get("precision", "float32")):
+            optimizer.zero_grad()
+            loss = weighted_cross_entropy(network(batch), labels, weights)
+            loss.backward()
+            optimizer.step()
         seconds.append(time.perf_counter() - begun)
     return {
         "seconds": float(np.median(seconds[job["warm_up_steps"] :])),

@@ -69,7 +69,8 @@ class Dataset:
     Attributes:
         config: The settings it was prepared with.
         scheme: Its classes.
-        features: Features it has in every scan, in network order.
+        features: Features that any of its scans has, in network order.
+        partial_features: Those of them that some scans lack.
         scans: Each scan's path, as it was given to prepare.
         tiles: All tiles.
         crop_tiles: The tile of each cached crop.
@@ -89,6 +90,11 @@ class Dataset:
             self.config = PrepareConfig.model_validate(values["config"])
             self.scheme = ClassScheme.model_validate(values["scheme"])
             self.features = tuple(name for name in FEATURES if name in values["features"])
+            self.partial_features = tuple(
+                name
+                for name in self.features
+                if not all(name in scan["features"] for scan in values["scans"])
+            )
             self.scans = [str(scan["path"]) for scan in values["scans"]]
             self.tiles = [
                 TileEntry(

@@ -50,7 +50,7 @@ class PrepareResult:
         num_points: Raw points of all scans.
         num_voxels: Voxels of all cores.
         class_counts: Labelled voxels by class name.
-        features: Features that every scan has.
+        features: Features that any scan has.
         seconds: From the first scan to the finished data set.
         stages: Seconds by stage: read, sub-sample, ground and features, tiling, neighbors,
             normals, write (tiles), draw crops (with their indices, and written); none where
@@ -128,7 +128,7 @@ def prepare(
         "scans": manifests,
         "crops": crops.name,
         "class_counts": class_counts.tolist(),
-        "features": [name for name in FEATURES if all(name in have for have in features)],
+        "features": [name for name in FEATURES if any(name in have for have in features)],
     }
     write_json(folder / DATASET, dataset)
     _remove_stale(folder, [manifest["folder"] for manifest in manifests], crops.name)

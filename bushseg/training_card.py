@@ -21,11 +21,13 @@ def describe_data(dataset: Dataset, tiles: Sequence[int], config: Config) -> Mod
     """
     distances = [dataset.tiles[number].neighbor_distance for number in tiles]
     profiles = np.array([dataset.tiles[number].height_profile for number in tiles])
-    droppable = DROPPABLE if config.train.augment.feature_dropout > 0 else ()
+    spared = set(dataset.partial_features)
+    if config.train.augment.feature_dropout > 0:
+        spared |= set(DROPPABLE)
     return ModelCard(
         scheme=dataset.scheme,
         features=dataset.features,
-        optional_features=tuple(name for name in dataset.features if name in droppable),
+        optional_features=tuple(name for name in dataset.features if name in spared),
         prepare=dataset.config,
         network=config.network,
         neighbor_distance=(min(distances), max(distances)),

@@ -10,6 +10,7 @@ from plyfile import PlyData, PlyElement
 
 from bushseg.cache import load_tensors, load_tile, pyramid_from_tensors, read_json
 from bushseg.config import PrepareConfig
+from bushseg.dataset import Dataset
 from bushseg.errors import DataError, ReadError, SchemeError
 from bushseg.preparation import PrepareResult, prepare
 from bushseg.prepared import DATASET, crop_name, tile_name
@@ -71,7 +72,7 @@ def test_two_scans_become_tiles_and_crops(tmp_path: Path, site: Path) -> None:
     result = run(tmp_path, site)
     assert (result.num_scans, result.num_redone, result.crops_redone) == (2, 2, True)
     assert (result.num_crops, result.num_points) == (5, 3_500)
-    assert result.features == ("rgb", "height")
+    assert result.features == ("rgb", "intensity", "height")
     assert result.warnings == ()
     dataset = read_json(result.folder / DATASET)
     assert dataset["config"] == CONFIG.model_dump(mode="json")
@@ -262,7 +263,8 @@ def test_scans_without_labels_or_colors_are_prepared_and_named(
     bare = save_ply(site / "bare.ply", None)
     plain = write_las(site / "plain.las", new_scene(1, 800), 1)
     result = run(tmp_path, site / "yard.las", bare, plain)
-    assert result.features == ("height",)
+    assert result.features == ("rgb", "intensity", "height")  # what some lack the others teach
+    assert Dataset(result.folder).partial_features == ("rgb", "intensity")
     assert len(result.warnings) == 1
     assert "1 of 3 scans have no labels" in result.warnings[0]
     assert "bare.ply" in result.warnings[0]

@@ -1,7 +1,7 @@
 """What each sensor can do: about what its maker states.
 
-Of these the OS1's figures and the HDL-32E's angles were checked against published tables; the others
-are as commonly given and may be off by a little. Drift, drop-out and what is called ours are guesses.
+The OS1's figures and the HDL-32E's angles were checked against published tables; the others are as
+commonly given and may be off by a little. Drift, drop-out and what is called ours are guesses.
 """
 
 from dataclasses import dataclass

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from bushseg.errors import WriteError
 
+_PARTIAL = ".partial"
+
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
@@ -28,7 +30,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         # The suffix stays last: libraries choose their format by it.
         handle, name = tempfile.mkstemp(
-            prefix=f".{target.stem[:40]}-", suffix=f".partial{target.suffix}", dir=target.parent
+            prefix=f".{target.stem[:40]}-", suffix=f"{_PARTIAL}{target.suffix}", dir=target.parent
         )
         os.close(handle)
     except OSError as error:
@@ -44,6 +46,24 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
+
+
+def remove_partials(path: str | Path) -> None:
+    """Remove what killed processes left of an output they were writing.
+
+    To be called by one who knows that no other process is writing it (:mod:`bushseg.locks`).
+
+    Args:
+        path: The output, as it was given to :func:`atomic_path`.
+    """
+    target = Path(os.path.realpath(path))
+    prefix, suffix = f".{target.stem[:40]}-", f"{_PARTIAL}{target.suffix}"
+    with suppress(OSError):
+        for found in target.parent.iterdir():
+            # mkstemp puts eight letters, digits or underscores between them.
+            middle = found.name.removeprefix(prefix).removesuffix(suffix)
+            if found.name == prefix + middle + suffix and len(middle) == 8:
+                found.unlink()
 
 
 def check_output(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bushseg.errors import WriteError
-from bushseg.files import atomic_path, check_output
+from bushseg.files import atomic_path, check_output, remove_partials
 
 
 def write_half(target: Path, error: type[BaseException], *, remove: bool) -> None:
@@ -107,3 +107,16 @@ def test_the_input_is_never_the_output(
         output.hardlink_to(source)
     with pytest.raises(WriteError, match="the input itself"):
         check_output(output, (source,), overwrite=True)
+
+
+def test_what_killed_processes_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "out.las"
+    killed = atomic_path(target)
+    left = killed.__enter__()
+    others = [".out-12345678.partial.ply", ".out-1.partial.las", "out.las", ".other-12345678.las"]
+    for name in others:
+        (tmp_path / name).touch()
+    remove_partials(target)
+    assert not left.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(others)
+    remove_partials(tmp_path / "nowhere" / "out.las")

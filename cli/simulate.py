@@ -17,7 +17,7 @@ def simulate(
     place: Annotated[
         str | None,
         typer.Option(
-            help="garden, orchard, fields, park, road, forest_edge, forest, heath, village, trail, "
+            help="garden, orchard, fields, park, road, street, forest_edge, forest, heath, village, trail, "
             "yard, or mixed, which draws one for each site.  [default: garden]"
         ),
     ] = None,

@@ -9,6 +9,7 @@ from bushseg.config import Section, read_toml
 from bushseg.simulation.places.config import PlaceName, PlacesConfig
 from bushseg.simulation.plants.config import PlantsConfig
 from bushseg.simulation.sensors.config import SensorConfig
+from bushseg.simulation.structures.config import StructuresConfig
 from bushseg.simulation.terrain import TerrainConfig
 
 
@@ -26,6 +27,7 @@ class SimulateConfig(Section):
     sensor: SensorConfig = SensorConfig()
     terrain: TerrainConfig = TerrainConfig()
     plants: PlantsConfig = PlantsConfig()
+    structures: StructuresConfig = StructuresConfig()
     places: PlacesConfig = PlacesConfig()
 
     @classmethod

@@ -25,6 +25,9 @@ BARK = Material(0.35, (92, 74, 58))
 PLASTER = Material(0.75, (228, 220, 202))
 TILES = Material(0.40, (158, 76, 56))
 GLASS = Material(0.08, (70, 84, 98))
+PANE = Material(0.004, (70, 84, 98))
+"""A window that mirrors light away: seen from near or by strong lasers only."""
+
 WOOD = Material(0.50, (140, 102, 66))
 STONE = Material(0.45, (150, 146, 138))
 METAL = Material(0.60, (120, 124, 128))

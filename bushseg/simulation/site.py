@@ -15,6 +15,7 @@ from bushseg.simulation.places.furnish import furnish, grow_layer
 from bushseg.simulation.places.ground import BUILT, PLANT, Ground
 from bushseg.simulation.places.nursery import Nursery
 from bushseg.simulation.places.settlement import garden, village, yard
+from bushseg.simulation.places.street import street
 from bushseg.simulation.places.ways import road, trail
 from bushseg.simulation.places.woods import forest, forest_edge, heath
 from bushseg.simulation.scene import Scene
@@ -26,6 +27,7 @@ LAYOUTS: dict[PlaceName, Callable[[Builder], None]] = {
     "fields": fields,
     "park": park,
     "road": road,
+    "street": street,
     "forest_edge": forest_edge,
     "forest": forest,
     "heath": heath,
@@ -84,7 +86,7 @@ def make_site(rng: np.random.Generator, config: SimulateConfig) -> Site:
     patches = waves(rng, ground.centers(), shortest=3, longest=15)
     ground.lay((patches > 0.9).reshape(ground.taken.shape), SOIL)
     nursery = Nursery(rng, config.plants, amounts, config.size, fruit=place == "orchard")
-    builder = Builder(rng, config.size, amounts, ground, nursery)
+    builder = Builder(rng, config.size, amounts, ground, nursery, config.structures)
     LAYOUTS[place](builder)
     furnish(builder)
     grow_layer(builder)

@@ -12,9 +12,12 @@ from bushseg.simulation.places.ground import BUILT, PLANT, WAY, Ground
 from bushseg.simulation.places.lines import beside, length, spaced, stretch
 from bushseg.simulation.places.nursery import Nursery
 from bushseg.simulation.plants import Plant
+from bushseg.simulation.plants.distributions import choose, draw
 from bushseg.simulation.scene import Scene
 from bushseg.simulation.structures.barriers import BARRIERS
-from bushseg.simulation.structures.buildings import BuildingForm, building
+from bushseg.simulation.structures.buildings import Building, BuildingForm, building
+from bushseg.simulation.structures.config import StructuresConfig, VehicleKind
+from bushseg.simulation.structures.vehicles import VEHICLES
 
 CANDIDATES = 80
 """Places tried for each thing."""
@@ -36,6 +39,7 @@ class Builder:
         amounts: What the site draws from its place's ranges, by name.
         ground: The terrain and what it holds.
         nursery: Where plants come from.
+        structures: How what people made differs.
         scene: What is built so far.
         path: What a walker or vehicle follows, metres, shape (P, 2); a layout sets it.
         woods: Where trees may stand, a share a cell, shape (C, C).
@@ -50,6 +54,7 @@ class Builder:
     amounts: dict[str, float]
     ground: Ground
     nursery: Nursery
+    structures: StructuresConfig = field(default_factory=StructuresConfig)
     scene: Scene = field(default_factory=Scene)
     path: FloatArray = field(init=False)
     woods: FloatArray = field(init=False)
@@ -109,6 +114,11 @@ class Builder:
         if place is not None:
             self.add(model, class_name, place, self.yaw() if yaw is None else yaw)
 
+    def vehicle(self, kind: VehicleKind | None = None) -> Model:
+        """A vehicle of some kind; None draws one by weight."""
+        name = choose(self.rng, self.structures.vehicle_kinds) if kind is None else kind
+        return VEHICLES[name](self.rng, draw(self.rng, self.structures.vehicle_scale))
+
     def build(
         self, form: BuildingForm, candidates: FloatArray, yaw: float
     ) -> tuple[FloatArray, float] | None:
@@ -129,12 +139,35 @@ class Builder:
         if place is None:
             return None
         ground.level(place, 0.85 * house.radius)
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        off = np.abs((ground.centers() - place) @ np.array([[cos, -sin], [sin, cos]]))
-        covered = (off <= (house.length / 2 + 0.3, house.width / 2 + 0.3)).all(axis=1)
-        ground.reserve(covered.reshape(ground.taken.shape), BUILT)
+        ground.reserve(self.footprint(house, place, yaw, 0.3), BUILT)
         self.add(house.model, "building", place, yaw)
         return place, house.radius
+
+    def erect(self, house: Building, place: FloatArray, yaw: float) -> bool:
+        """Set up a building where its whole plan is free, the ground as it is.
+
+        Returns:
+            Whether there was room.
+        """
+        turned = np.abs([np.cos(yaw), np.sin(yaw)])
+        reach = (house.length * turned + house.width * turned[::-1]) / 2
+        if (place < reach).any() or (place > self.size - reach).any():
+            return False
+        covered = self.footprint(house, place, yaw, -0.2)
+        if (self.ground.taken[covered] >= WAY).any():
+            return False
+        self.ground.reserve(self.footprint(house, place, yaw, 0.2), BUILT)
+        self.add(house.model, "building", place, yaw)
+        return True
+
+    def footprint(
+        self, house: Building, place: FloatArray, yaw: float, more: float
+    ) -> NDArray[np.bool_]:
+        """Cells under a building and `more` metres around it, (C, C)."""
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        off = np.abs((self.ground.centers() - place) @ np.array([[cos, -sin], [sin, cos]]))
+        covered = (off <= (house.length / 2 + more, house.width / 2 + more)).all(axis=1)
+        return covered.reshape(self.ground.taken.shape)
 
     def enclose(self, line: FloatArray, kind: str, height: float) -> None:
         """Run a wall or fence along a line; where a way crosses, it stays open."""

@@ -15,6 +15,7 @@ PlaceName = Literal[
     "fields",
     "park",
     "road",
+    "street",
     "forest_edge",
     "forest",
     "heath",
@@ -57,6 +58,12 @@ class PlaceConfig(Section):
     )
     buildings: Range = Field((0, 0), description="Buildings")
     vehicles: Range = Field((0, 0), description="Vehicles, standing or passing")
+    parked: Range = Field(
+        (0, 0), description="Share of a street's kerbs that cars are parked along"
+    )
+    front_plants: Range = Field(
+        (0, 0), description="Share of front gardens and house walls with hedges or shrubs"
+    )
     people: Range = Field((0, 1), description="People")
     poles: Range = Field((0, 0.5), description="Lamp posts, signs and markers")
     furniture: Range = Field((0, 0.5), description="Furniture of gardens, parks, farms or yards")
@@ -138,6 +145,23 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         vehicles=(0.5, 3),
         poles=(1, 4),
         people=(0, 0.6),
+    ),
+    "street": PlaceConfig(
+        slope=(0, 4),
+        relief=(0.02, 0.2),
+        shrubs=(10, 30),
+        hedges=(5, 20),
+        trees=(1, 5),
+        saplings=(0, 3),
+        mown=(0.4, 1),
+        buildings=(2, 4),
+        vehicles=(0.2, 1),
+        parked=(0.2, 0.9),
+        front_plants=(0.5, 1),
+        people=(0.4, 2),
+        poles=(0.4, 1.5),
+        furniture=(0.3, 1.5),
+        boundaries=(0.4, 1.3),
     ),
     "forest_edge": PlaceConfig(
         slope=(0, 14),
@@ -237,6 +261,7 @@ class PlacesConfig(Section):
     fields: PlaceConfig = DEFAULTS["fields"]
     park: PlaceConfig = DEFAULTS["park"]
     road: PlaceConfig = DEFAULTS["road"]
+    street: PlaceConfig = DEFAULTS["street"]
     forest_edge: PlaceConfig = DEFAULTS["forest_edge"]
     forest: PlaceConfig = DEFAULTS["forest"]
     heath: PlaceConfig = DEFAULTS["heath"]

@@ -14,7 +14,6 @@ from bushseg.simulation.structures.earth import rock
 from bushseg.simulation.structures.furniture import FURNITURE
 from bushseg.simulation.structures.people import person
 from bushseg.simulation.structures.poles import lamp_post, marker, sign
-from bushseg.simulation.structures.vehicles import VEHICLES
 from bushseg.simulation.terrain import waves
 
 LARGEST_MEADOW = 160_000
@@ -42,10 +41,8 @@ def _puddles(b: Builder) -> None:
 
 def _things(b: Builder) -> None:
     """Stand vehicles, furniture, poles and people about."""
-    kinds = list(VEHICLES)
     for _ in range(b.count("vehicles")):
-        kind = kinds[b.rng.choice(3, p=(0.6, 0.2, 0.2))]
-        b.stand(VEHICLES[kind](b.rng), "vehicle or person", 2.2)
+        b.stand(b.vehicle("tractor" if b.rng.random() < 0.2 else None), "vehicle or person", 2.2)
     names = list(FURNITURE)
     for _ in range(b.count("furniture")):
         b.stand(FURNITURE[names[b.rng.integers(len(names))]](b.rng), "man-made", 1.1)

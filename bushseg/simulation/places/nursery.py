@@ -15,6 +15,7 @@ from bushseg.simulation.plants import (
     grow_shrub,
     grow_tree,
 )
+from bushseg.simulation.plants.config import TreeForm
 
 MOST_TRIANGLES = 3_500_000
 """About what a site's plants may have; more plants are drawn with fewer and larger leaves."""
@@ -23,6 +24,9 @@ TRIANGLES = {"trees": 26_000, "shrubs": 8_000, "saplings": 8_000, "hedges": 2_50
 """What one of each (a metre of hedge) has at full detail, roughly."""
 
 LEAST_DETAIL = 0.06
+
+STREET_DETAIL = 0.5
+"""Street trees are grown one by one; with fewer and larger leaves that is quick."""
 
 FAVOR = 1.0
 """How much sites differ in what grows: spread of the logarithms of kinds' weights."""
@@ -62,6 +66,7 @@ class Nursery:
         plants = plants.model_copy(update={"detail": max(detail, LEAST_DETAIL)})
         self.config = plants
         self._rng = rng
+        self._coarse = plants.model_copy(update={"detail": min(plants.detail, STREET_DETAIL)})
         vigor = (amounts["vigor"], amounts["vigor"], amounts["vigor"])
         self._trees = Pool(
             lambda: grow_tree(rng, plants, "fruit" if fruit else None).scaled(vigor), 16
@@ -77,6 +82,13 @@ class Nursery:
     def shrub(self) -> Plant:
         """A shrub."""
         return self._shrubs.take(self._rng)
+
+    def street_tree(self, base: float) -> Plant:
+        """A broad-leaved tree whose crown begins at `base` metres."""
+        forms: tuple[TreeForm, ...] = ("round", "columnar", "wide", "fruit")
+        height = base * self._rng.uniform(1.8, 4.0)
+        form = forms[self._rng.integers(4)]
+        return grow_tree(self._rng, self._coarse, form, height, low_crown=False, base=base)
 
     def sapling(self) -> Plant:
         """A sapling."""

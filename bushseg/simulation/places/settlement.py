@@ -13,7 +13,6 @@ from bushseg.simulation.places.lines import beside, nearest, spaced, stretch, wi
 from bushseg.simulation.structures.buildings import BuildingForm
 from bushseg.simulation.structures.earth import heap
 from bushseg.simulation.structures.poles import power_pole, wires
-from bushseg.simulation.structures.vehicles import VEHICLES, car
 
 EDGE = 0.8
 """Where a boundary runs, metres from the site's edge."""
@@ -135,21 +134,20 @@ def _drive(b: Builder, house: tuple[FloatArray, float]) -> None:
     b.bare |= cells
     if b.has("vehicles") and b.rng.random() < 0.6 and np.linalg.norm(line[-1] - line[0]) > 5:
         yaw = float(np.arctan2(toward[1], toward[0]))
-        b.stand(car(b.rng), "vehicle or person", 1.2, line[2:5], yaw)
+        b.stand(b.vehicle(), "vehicle or person", 1.2, line[2:5], yaw)
     b.ground.reserve(cells, WAY)
 
 
 def _park(b: Builder, line: FloatArray, off: float) -> None:
     """Park the site's vehicles along a street."""
     for _ in range(b.count("vehicles")):
-        kind = ("car", "car", "car", "van")[b.rng.integers(4)]
         where, yaws = spaced(beside(line, b.rng.choice((-1, 1)) * off), 1.0)
         inner = slice(3, -3) if len(where) > 12 else slice(None)
         pick = b.rng.integers(len(where[inner]))
         place = where[inner][pick]
         if (b.ground.at(b.ground.clearance(BUILT), place[None]) < 2.3)[0]:
             continue
-        b.add(VEHICLES[kind](b.rng), "vehicle or person", place, float(yaws[inner][pick]))
+        b.add(b.vehicle(), "vehicle or person", place, float(yaws[inner][pick]))
         b.ground.take(place[None], np.array([1.2]), BUILT)
     b.amounts["vehicles"] = 0.0
 

@@ -8,7 +8,6 @@ from bushseg.simulation.places.ground import BUILT
 from bushseg.simulation.places.lines import beside, nearest, spaced, stretch, winding
 from bushseg.simulation.places.settlement import overhead
 from bushseg.simulation.structures.poles import marker, sign
-from bushseg.simulation.structures.vehicles import VEHICLES
 from bushseg.simulation.terrain import waves
 
 
@@ -59,8 +58,12 @@ def _traffic(b: Builder, half: float) -> None:
         place = np.clip(where[pick], 2, b.size - 2)
         if b.ground.at(b.ground.clearance(BUILT), place[None])[0] < 3.0:
             continue
-        kind = ("car", "car", "car", "van", "tractor")[b.rng.integers(5)]
-        b.add(VEHICLES[kind](b.rng), "vehicle or person", place, float(yaws[pick]) + np.pi)
+        b.add(
+            b.vehicle("tractor" if b.rng.random() < 0.15 else None),
+            "vehicle or person",
+            place,
+            float(yaws[pick]) + np.pi,
+        )
         b.ground.take(place[None], np.array([1.0]), BUILT)
     b.amounts["vehicles"] = 0.0
 

@@ -31,6 +31,7 @@ def grow_tree(
     form: TreeForm | None = None,
     height: float | None = None,
     low_crown: bool | None = None,
+    base: float | None = None,
 ) -> Plant:
     """Grow a tree: class "tree".
 
@@ -40,6 +41,7 @@ def grow_tree(
         form: Its kind; None draws a kind.
         height: Metres; None draws a height the form can have.
         low_crown: Whether its crown reaches the ground; None draws that.
+        base: Where its crown begins, metres, at most 0.6 of its height; None draws that.
     """
     build = FORMS[choose(rng, config.tree_forms) if form is None else form]
     if height is None:
@@ -48,6 +50,9 @@ def grow_tree(
         low_crown = rng.random() < config.tree_low_crowns
     if low_crown:
         build = _low(build)
+    if base is not None:
+        share = min(base / height, 0.6)
+        build = replace(build, base=(share, share), slopes=(max(build.slopes[0], 10.0), 60.0))
     return _grow(rng, config, build, height)
 
 

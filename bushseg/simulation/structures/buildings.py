@@ -8,7 +8,6 @@ import numpy as np
 from bushseg.simulation.materials import (
     BRICK,
     CONCRETE,
-    GLASS,
     METAL,
     PLASTER,
     STONE,
@@ -17,8 +16,9 @@ from bushseg.simulation.materials import (
     Material,
 )
 from bushseg.simulation.mesh import Mesh, Model, Surface, box, join, polyhedron, tubes
+from bushseg.simulation.structures.facades import balconies, door, dormer, porch, windows
 
-BuildingForm = Literal["gable", "flat", "shed", "barn", "greenhouse"]
+BuildingForm = Literal["gable", "flat", "block", "garage", "shed", "barn", "greenhouse"]
 BUILDING_FORMS: tuple[BuildingForm, ...] = get_args(BuildingForm)
 
 FOOTING = 1.5
@@ -27,6 +27,8 @@ FOOTING = 1.5
 SIZES: dict[BuildingForm, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
     "gable": ((7, 13), (5.5, 9), (2.6, 5.6)),
     "flat": ((5, 14), (4, 10), (2.5, 6.5)),
+    "block": ((10, 19), (8, 12), (5.4, 9.8)),
+    "garage": ((5, 7), (2.8, 6), (2.2, 2.8)),
     "shed": ((2.2, 6), (1.8, 4), (1.8, 2.6)),
     "barn": ((10, 18), (7, 11), (3.5, 5.5)),
     "greenhouse": ((3, 10), (2.2, 4), (1.4, 1.9)),
@@ -67,23 +69,29 @@ def building(rng: np.random.Generator, form: BuildingForm, largest: float = 20.0
     width = min(width, 0.85 * length)
     walls = (PLASTER, PLASTER, BRICK, WOOD)[rng.integers(4)]
     if form == "gable":
-        model = _gable(length, width, eaves, walls, chimney=True)
+        model = _gable(rng, length, width, eaves, walls, lived_in=True)
     elif form == "barn":
-        model = _gable(length, width, eaves, WOOD, chimney=False)
+        model = _gable(rng, length, width, eaves, WOOD, lived_in=False)
     elif form == "greenhouse":
         model = _greenhouse(length, width, eaves)
     elif form == "shed":
         model = _shed(length, width, eaves, rise=float(rng.uniform(0.2, 0.7)))
     else:
-        model = _flat(length, width, eaves)
+        model = _flat(rng, length, width, eaves, walls, windows_in=form != "garage")
     return Building(model, length, width)
 
 
 def _gable(
-    length: float, width: float, eaves: float, material: Material, *, chimney: bool
+    rng: np.random.Generator,
+    length: float,
+    width: float,
+    eaves: float,
+    material: Material,
+    *,
+    lived_in: bool,
 ) -> Model:
     """A house with a gable roof along x, windows and a door."""
-    x, y, ridge = length / 2, width / 2, eaves + 0.45 * width
+    x, y, ridge = length / 2, width / 2, eaves + rng.uniform(0.3, 0.5) * width
     walls = polyhedron(
         [
             *[(sx * x, sy * y, z) for z in (-FOOTING, eaves) for sx in (-1, 1) for sy in (-1, 1)],
@@ -95,26 +103,21 @@ def _gable(
     model = [
         Surface(walls, material),
         Surface(join([_slab(x, y, eaves, ridge, side) for side in (-1, 1)]), TILES),
-        Surface(_windows(length, y, eaves), GLASS),
-        Surface(box((-0.5, -y - 0.04, -FOOTING), (0.5, -y + 0.02, 2.1)), WOOD),
+        *windows(rng, length, y, eaves),
+        door(y, FOOTING),
     ]
-    if chimney:
+    if lived_in:
+        for side in (-1, 1):
+            if ridge - eaves > 2.2 and rng.random() < 0.5:
+                at = rng.uniform(-0.3, 0.3) * length
+                model += dormer(at, y, eaves, ridge, side, material)
+        if rng.random() < 0.4:
+            model += porch(rng, y)
+        if eaves > 4.9 and rng.random() < 0.3:
+            model += balconies(rng, length, y, eaves)
         low, high = (0.2 * length, -0.3, eaves), (0.2 * length + 0.6, 0.3, ridge + 0.7)
         model.append(Surface(box(low, high), STONE))
     return model
-
-
-def _windows(length: float, y: float, eaves: float) -> Mesh:
-    """Panes in both long walls, one row a storey; none where the door is."""
-    return join(
-        [
-            box((at - 0.5, side * y - 0.03, sill), (at + 0.5, side * y + 0.03, sill + 1.2))
-            for sill in np.arange(1.0, max(eaves - 1.3, 1.05), 2.7)
-            for side in (-1, 1)
-            for at in np.linspace(-0.3, 0.3, 3) * length
-            if (side, at) != (-1, 0.0)
-        ]
-    )
 
 
 def _slab(x: float, y: float, eaves: float, ridge: float, side: int) -> Mesh:
@@ -129,18 +132,28 @@ def _slab(x: float, y: float, eaves: float, ridge: float, side: int) -> Mesh:
     return polyhedron([*bottom, *top], faces)
 
 
-def _flat(length: float, width: float, eaves: float) -> Model:
-    """A block with a parapet and a unit on its roof."""
+def _flat(
+    rng: np.random.Generator,
+    length: float,
+    width: float,
+    eaves: float,
+    material: Material,
+    *,
+    windows_in: bool,
+) -> Model:
+    """A block with a parapet and a unit on its roof, balconies where it is high; or a garage."""
     x, y = length / 2, width / 2
     rim = [
         box((-x, side * y - 0.12, eaves), (x, side * y + 0.12, eaves + 0.35)) for side in (-1, 1)
     ]
+    body = Surface(join([box((-x, -y, -FOOTING), (x, y, eaves)), *rim]), material)
+    if not windows_in:
+        return [body, Surface(box((-0.42 * x, -y - 0.03, 0), (0.42 * x, -y, 2.0)), METAL)]
     unit = box((0.1 * x, -0.3 * y, eaves), (0.5 * x, 0.2 * y, eaves + 1.1))
-    return [
-        Surface(join([box((-x, -y, -FOOTING), (x, y, eaves)), *rim]), CONCRETE),
-        Surface(unit, METAL),
-        Surface(_windows(length, y, eaves), GLASS),
-    ]
+    model = [body, Surface(unit, METAL), *windows(rng, length, y, eaves), door(y, FOOTING)]
+    if eaves > 4.9 and rng.random() < 0.7:
+        model += balconies(rng, length, y, eaves)
+    return model
 
 
 def _shed(length: float, width: float, eaves: float, rise: float) -> Model:

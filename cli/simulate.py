@@ -17,8 +17,8 @@ def simulate(
     place: Annotated[
         str | None,
         typer.Option(
-            help="garden, orchard, fields, park, road, street, forest_edge, forest, heath, village, trail, "
-            "yard, or mixed, which draws one for each site.  [default: garden]"
+            help="garden, orchard, fields, park, road, street, forest_edge, forest, heath, "
+            "village, trail, yard, or mixed, which draws one for each site.  [default: garden]"
         ),
     ] = None,
     size: Annotated[

@@ -13,22 +13,31 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+import numpy as np
 from real import write_real_scans
 from sites import TEST, TRAINING
 
 import bushseg
 from bushseg.config import Config
-from bushseg.io import find_scans
+from bushseg.errors import DataError
+from bushseg.io import find_scans, read
 from bushseg.parallel import num_workers
 from bushseg.progress import Silent
 from bushseg.runs import LAST
 from bushseg.simulation import SimulateConfig, simulate
+from bushseg.simulation.scene import CLASS_CODES
 
 ROOT = Path(__file__).resolve().parent.parent
 PURPOSES = {
     "close": "tripods, mobile mapping, LiDAR frames and low drones",
     "airborne": "surveys from aircraft and high drones",
 }
+
+LEAST_FOLDER = 4
+"""Folders of fewer scans teach only."""
+
+ENOUGH_POINTS = 300
+"""So many points of a class make a scan one that holds it."""
 
 
 def main() -> None:
@@ -44,7 +53,7 @@ def main() -> None:
     sites = TEST if options.name == "test" else TRAINING[options.name]
     scans = make_sites(options.work / options.name, sites)
     if options.only is None and options.name != "test":
-        held_out = last_sites(scans)
+        held_out = richest_sites(scans)
         if options.data is not None and options.name == "airborne":
             scans.append(write_real_scans(options.data, options.work / "real"))
         run = train(options.name, scans, held_out, options.work)
@@ -73,13 +82,41 @@ def _simulate(folder: Path, config: SimulateConfig) -> None:
     print(f"{folder}: {config.num_sites} sites", flush=True)
 
 
-def last_sites(folders: list[Path]) -> list[Path]:
-    """What each epoch is judged by and confidence is calibrated on: a twelfth of each folder."""
+def richest_sites(folders: list[Path]) -> list[Path]:
+    """What each epoch is judged by and confidence is calibrated on: a twelfth of most folders.
+
+    Of folders of four scans and more those that hold most classes, the later of equals, so that no
+    class is judged by nothing.
+
+    Raises:
+        DataError: A class is in none of them.
+    """
     held_out: list[Path] = []
+    seen: set[int] = set()
     for folder in folders:
         found = find_scans([folder])
-        held_out += found[-max(1, len(found) // 12) :]
+        if len(found) < LEAST_FOLDER:
+            continue
+        held = {path: classes_of(path) for path in found}
+        ranked = sorted(found, key=lambda path: (len(held[path]), path.name))
+        chosen = ranked[-max(1, len(found) // 12) :]
+        held_out += chosen
+        seen.update(*(held[path] for path in chosen))
+    missing = [name for name, code in CLASS_CODES.items() if code not in seen]
+    if missing:
+        raise DataError(
+            f"no held-out site holds {', '.join(missing)}; expected every class; "
+            "simulate more sites in recipes/sites.py"
+        )
     return held_out
+
+
+def classes_of(path: Path) -> set[int]:
+    """The codes of which a scan has points enough to judge by."""
+    columns = read(path).attributes
+    codes = columns["label" if "label" in columns else "classification"]
+    found, counts = np.unique(codes, return_counts=True)
+    return {int(code) for code in found[counts >= ENOUGH_POINTS]}
 
 
 def train(name: str, scans: list[Path], held_out: list[Path], work: Path) -> Path:

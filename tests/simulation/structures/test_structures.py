@@ -82,3 +82,22 @@ def test_rocks_and_heaps_lie_in_the_ground():
         pile = vertices(heap(np.random.default_rng(seed), 2.0))
         assert -0.2 < pile[:, 2].min() < 0
         assert 0.8 < pile[:, 2].max() < 1.6
+
+
+def struck(mesh, x, z):
+    """Whether a ray along y at (x, z) meets a mesh: its place in triangles seen from the side."""
+    a, b, c = mesh.vertices[mesh.triangles.astype(int)][:, :, ::2].astype(float).transpose(1, 0, 2)
+    at = np.array([x, z])
+    way = [(q - p, at - p) for p, q in ((a, b), (b, c), (c, a))]
+    turns = np.array([u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in way])
+    return bool(((turns > 0).all(axis=0) | (turns < 0).all(axis=0)).any())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_car_is_seen_through_its_windows(seed):
+    shell = VEHICLES["estate"](np.random.default_rng(seed), 1.0)[0].mesh
+    half, high = np.abs(shell.vertices[:, 0]).max(), shell.vertices[:, 2].max()
+    assert struck(shell, 0.1 * half, 0.5 * high)  # a door
+    assert struck(shell, -0.12 * half, 0.8 * high)  # a pillar
+    assert not struck(shell, 0.0, 0.8 * high)  # a window
+    assert not struck(shell, 0.0, 0.1)  # below the car

@@ -27,7 +27,8 @@ def simulate(
     sensor: Annotated[
         str | None,
         typer.Option(
-            help="tripod, phase, mobile, spinning, vehicle, uav or airborne.  [default: tripod]"
+            help="tripod, phase, mobile, spinning, vehicle, uav, airborne or photogrammetry.  "
+            "[default: tripod]"
         ),
     ] = None,
     color: Annotated[bool | None, typer.Option(help="Give points colors.")] = None,

@@ -26,7 +26,8 @@ class SensorConfig(Section):
         "tripod",
         description="tripod: terrestrial scanner by pulses, phase: by phases; mobile: carried "
         "along the path; spinning: single frames of a LiDAR on a vehicle, as KITTI .bin and "
-        ".label, vehicle: its frames put together; uav, airborne: flight strips",
+        ".label, vehicle: its frames put together; uav, airborne: flight strips; photogrammetry: "
+        "what is made of a drone's pictures",
     )
     lidar: Lidar | None = Field(
         None,
@@ -75,11 +76,30 @@ class SensorConfig(Section):
         le=5,
         description="Step between pulses of one flight strip on level ground, metres",
     )
+    point_spacing: float | None = Field(
+        None, ge=0.02, le=1, description="Step between the points of photogrammetry, metres"
+    )
+    views: int | None = Field(
+        None, ge=1, le=30, description="Directions that pictures are taken in, the first is down"
+    )
+    matching_window: float | None = Field(
+        None,
+        ge=0,
+        le=5,
+        description="Edge of the patches that are sought in other pictures, on the ground, metres; "
+        "of that, 3 to 9 times 0.8 point_spacing counts",
+    )
+    untextured: Share | None = Field(
+        None, description="Share of the ground that is too uniform to be found in other pictures"
+    )
     flight_height: float | None = Field(
         None, ge=10, le=5000, description="Height of flight above the site's highest ground, metres"
     )
     scan_angle: float | None = Field(
-        None, gt=0, le=60, description="Greatest angle of a flight's rays from the nadir, degrees"
+        None,
+        gt=0,
+        le=60,
+        description="Greatest angle of a flight's rays or views from the nadir, degrees",
     )
     overlap: float | None = Field(
         None, ge=0, le=0.9, description="Share of a flight strip that its neighbor covers as well"

@@ -11,7 +11,9 @@ import numpy as np
 
 from bushseg.points import FloatArray
 
-Kind = Literal["tripod", "phase", "mobile", "spinning", "vehicle", "uav", "airborne"]
+Kind = Literal[
+    "tripod", "phase", "mobile", "spinning", "vehicle", "uav", "airborne", "photogrammetry"
+]
 Lidar = Literal["vlp-16", "hdl-32e", "hdl-64e", "os1-64", "os1-128"]
 Echo = Literal["all", "strongest", "last"]
 Split = Literal["edges", "all"]
@@ -34,6 +36,10 @@ class Figures:
     sway: float = 0.0
     bob: float = 0.0
     pulse_spacing: float = 0.25
+    point_spacing: float = 0.08
+    views: int = 5
+    matching_window: float = 0.4
+    untextured: float = 0.01
     flight_height: float = 500.0
     scan_angle: float = 30.0
     overlap: float = 0.3
@@ -163,6 +169,14 @@ PRESETS: dict[Kind, Figures] = {
         angular_noise=0.003,
         registration_noise=0.015,
         intensity="raw",
+    ),
+    # A drone's camera, and software that matches its pictures: all ours, held against one cloud.
+    "photogrammetry": Figures(
+        flight_height=80.0,
+        scan_angle=25.0,
+        range_noise=0.006,
+        registration_noise=0.006,
+        color_noise=6.0,
     ),
 }
 """Figures by kind of sensor."""

@@ -11,23 +11,48 @@ from bushseg.simulation.sensors.aerial import strip_rays
 from bushseg.simulation.sensors.config import SensorConfig
 from bushseg.simulation.sensors.figures import Kind
 from bushseg.simulation.sensors.output import write_kitti, write_laz
+from bushseg.simulation.sensors.photogrammetry import reconstruct
 from bushseg.simulation.sensors.rays import Rays
-from bushseg.simulation.sensors.scanner import scan
+from bushseg.simulation.sensors.scanner import Returns, scan
 from bushseg.simulation.sensors.spinning import frame_rays, map_rays
 from bushseg.simulation.sensors.tripod import tripod_rays
 from bushseg.simulation.sensors.variety import varied
 from bushseg.simulation.site import Site
 
+Scan = Callable[[np.random.Generator, np.random.Generator, Site, SensorConfig], Iterator[Returns]]
 RaysOf = Callable[[np.random.Generator, Site, SensorConfig], Iterator[Rays]]
 
-SENSORS: dict[Kind, RaysOf] = {
-    "tripod": tripod_rays,
-    "phase": tripod_rays,
-    "mobile": map_rays,
-    "spinning": frame_rays,
-    "vehicle": map_rays,
-    "uav": strip_rays,
-    "airborne": strip_rays,
+
+def _by_rays(rays_of: RaysOf) -> Scan:
+    """A sensor that sends rays, each of which is on its own."""
+
+    def scanned(
+        of_rays: np.random.Generator,
+        of_noise: np.random.Generator,
+        site: Site,
+        config: SensorConfig,
+    ) -> Iterator[Returns]:
+        return scan(of_noise, site.scene, rays_of(of_rays, site, config), config)
+
+    return scanned
+
+
+def _by_pictures(
+    of_rays: np.random.Generator, of_noise: np.random.Generator, site: Site, config: SensorConfig
+) -> Iterator[Returns]:
+    """A camera, whose pictures are matched."""
+    return reconstruct(of_rays, of_noise, site, config)
+
+
+SENSORS: dict[Kind, Scan] = {
+    "tripod": _by_rays(tripod_rays),
+    "phase": _by_rays(tripod_rays),
+    "mobile": _by_rays(map_rays),
+    "spinning": _by_rays(frame_rays),
+    "vehicle": _by_rays(map_rays),
+    "uav": _by_rays(strip_rays),
+    "airborne": _by_rays(strip_rays),
+    "photogrammetry": _by_pictures,
 }
 
 
@@ -54,8 +79,7 @@ def record(
     of_rays, of_noise, of_figures = rng.spawn(3)
     if config.vary:
         config = varied(of_figures, config)
-    rays = SENSORS[config.kind](of_rays, site, config)
-    returns = scan(of_noise, site.scene, rays, config)
+    returns = SENSORS[config.kind](of_rays, of_noise, site, config)
     if config.kind != "spinning":
         path = stem.with_name(f"{stem.name}.laz")
         return {path: write_laz(path, returns, origin, color=config.color)}

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.geometry import open3d
 from bushseg.points import FloatArray
 from bushseg.simulation.scene import Scene
 from bushseg.simulation.sensors.beam import (
@@ -24,6 +22,7 @@ from bushseg.simulation.sensors.config import SensorConfig
 from bushseg.simulation.sensors.daylight import Daylight
 from bushseg.simulation.sensors.figures import Figures
 from bushseg.simulation.sensors.rays import PULSE_RATE, Rays
+from bushseg.simulation.sensors.target import Target
 
 FULL_SCALE = 65535
 
@@ -90,49 +89,21 @@ def scan(
     """
     if not scene.parts:
         raise ValueError("the scene is empty; add at least the ground")
-    struck = _Struck(scene)
+    target = Target(scene)
     figures = config.figures
     light = Daylight.draw(rng, figures.visibility, shadows=config.shadows)
     for rays in batches:
-        yield _scan_batch(rng, struck, rays, config, light)
-
-
-class _Struck:
-    """A scene ready for rays, and its parts' properties as arrays."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.caster: Any = scene.caster()
-        parts = scene.parts
-        self.class_code = np.array([part.class_code for part in parts], np.uint8)
-        self.instance = np.array([part.instance for part in parts], np.uint32)
-        self.reflectance = np.array([part.material.reflectance for part in parts])
-        self.color = np.array([part.material.color for part in parts], np.float64)
-        self.top = max(float(part.mesh.vertices[:, 2].max()) for part in parts) + 1.0
-
-    def cast(
-        self, origins: FloatArray, directions: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
-        """What rays (M, 3) strike: range in metres or inf, part, and normal (M, 3)."""
-        # Rays from high up begin just above the scene: float32 knows the rest to a millimetre.
-        height = origins[:, 2] - self.top
-        falling = np.minimum(directions[:, 2], -1e-6)
-        skipped = np.where((height > 0) & (directions[:, 2] < -1e-6), -height / falling, 0.0)
-        beams = np.hstack([origins + skipped[:, None] * directions, directions])
-        hits = self.caster.cast_rays(open3d().core.Tensor.from_numpy(beams.astype(np.float32)))
-        ranges = hits["t_hit"].numpy().astype(np.float64) + skipped
-        part = hits["geometry_ids"].numpy().astype(np.intp)
-        part[~np.isfinite(ranges)] = 0
-        return ranges, part, hits["primitive_normals"].numpy()
+        yield _scan_batch(rng, target, rays, config, light)
 
 
 def _scan_batch(
-    rng: np.random.Generator, struck: _Struck, rays: Rays, config: SensorConfig, light: Daylight
+    rng: np.random.Generator, target: Target, rays: Rays, config: SensorConfig, light: Daylight
 ) -> Returns:
     """What comes back of one batch."""
     figures = config.figures
     aims = _deflected(rng, rays.directions, figures)
-    ranges, part, cosine, normals = _strike(rng, struck, rays.origins, aims, figures)
-    echoes = group(ranges, struck.reflectance[part], cosine, figures.range_resolution)
+    ranges, part, cosine, normals = _strike(rng, target, rays.origins, aims, figures)
+    echoes = group(ranges, target.reflectance[part], cosine, figures.range_resolution)
     echoes = select(echoes.take(_seen(rng, echoes, figures)), figures)
 
     beam, thing = echoes.beam, part.ravel()[echoes.strongest]
@@ -145,8 +116,8 @@ def _scan_batch(
     if config.color and config.kind != "spinning":
         where = rays.origins[beam] + echoes.range[:, None] * aims[beam]
         color = light.colors(
-            struck.caster,
-            struck.color[thing],
+            target.caster,
+            target.color[thing],
             where,
             normals.reshape(-1, 3)[echoes.strongest].astype(np.float64),
             echoes.range,
@@ -155,8 +126,8 @@ def _scan_batch(
         color += figures.color_noise * rng.standard_normal((number, 1))
     return Returns(
         xyz=rays.reported_origins[beam] + measured[:, None] * rays.reported_directions[beam],
-        class_code=struck.class_code[thing],
-        instance=struck.instance[thing],
+        class_code=target.class_code[thing],
+        instance=target.instance[thing],
         intensity=_intensity(rng, echoes, figures),
         color=np.clip(np.rint(color), 0, 255).astype(np.uint8),
         time=(rays.first + beam) / PULSE_RATE,
@@ -170,7 +141,7 @@ def _scan_batch(
 
 def _strike(
     rng: np.random.Generator,
-    struck: _Struck,
+    target: Target,
     origins: FloatArray,
     aims: FloatArray,
     figures: Figures,
@@ -181,7 +152,7 @@ def _strike(
         Ranges in metres, inf for nothing, parts, cosines of incidence, each (M, S), and normals,
         (M, S, 3).
     """
-    ranges, part, normals = struck.cast(origins, aims)
+    ranges, part, normals = target.cast(origins, aims)
     cosine = np.abs(np.einsum("ij,ij->i", normals, aims))
     # A beam that isn't split strikes with all its rays what the middle one does.
     all_ranges = np.repeat(ranges[:, None], figures.sub_rays, axis=1)
@@ -192,7 +163,7 @@ def _strike(
         split = np.flatnonzero(near_edges(ranges)) if figures.split == "edges" else slice(None)
         starts, directions = ring(rng, origins[split], aims[split], figures)
         around = directions.shape[:2]
-        ranges, part, normals = struck.cast(starts.reshape(-1, 3), directions.reshape(-1, 3))
+        ranges, part, normals = target.cast(starts.reshape(-1, 3), directions.reshape(-1, 3))
         cosine = np.abs(np.einsum("ij,ij->i", normals, directions.reshape(-1, 3)))
         all_ranges[split, 1:] = ranges.reshape(around)
         all_parts[split, 1:] = part.reshape(around)

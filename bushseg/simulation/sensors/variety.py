@@ -60,6 +60,16 @@ SPANS: dict[Kind, dict[str, tuple[float, float]]] = {
         "range_noise": (0.006, 0.025),
         "registration_noise": (0.005, 0.04),
     },
+    "photogrammetry": {
+        "flight_height": (40.0, 120.0),
+        "point_spacing": (0.05, 0.12),
+        "scan_angle": (12.0, 35.0),
+        "matching_window": (0.25, 0.6),
+        "untextured": (0.001, 0.04),
+        "range_noise": (0.003, 0.015),
+        "registration_noise": (0.003, 0.015),
+        "dropout": (0.003, 0.1),
+    },
 }
 """Least and greatest value of each figure that is drawn."""
 
@@ -75,6 +85,7 @@ CHOICES: dict[Kind, dict[str, tuple[str, ...]]] = {
     "vehicle": {"lidar": ("vlp-16", "hdl-32e", "hdl-64e", "os1-64"), "echo": ("strongest", "last")},
     "uav": {"intensity": ("corrected", "raw")},
     "airborne": {"intensity": ("corrected", "raw")},
+    "photogrammetry": {},
 }
 """What else is drawn, one as likely as another."""
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bushseg.preparation import prepare
     from bushseg.simulation import simulate
     from bushseg.training import train
+    from bushseg.verification import verify
 
 __all__ = [
     "BushsegError",
@@ -41,6 +42,7 @@ __all__ = [
     "read",
     "simulate",
     "train",
+    "verify",
 ]
 
 _HOMES = {
@@ -58,6 +60,7 @@ _HOMES = {
     "read": "io",
     "simulate": "simulation",
     "train": "training",
+    "verify": "verification",
 }
 
 

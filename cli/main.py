@@ -20,6 +20,7 @@ from .prepare import prepare
 from .render import render
 from .simulate import simulate
 from .train import train
+from .verify import verify
 
 app = typer.Typer(
     name="bushseg",
@@ -31,7 +32,10 @@ app = typer.Typer(
     rich_markup_mode=None,  # importing the panels would take longer than all the rest of --help
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (info, prepare, train, predict, evaluate, render, simulate, labels, models, config):
+for command in (
+    *(info, prepare, train, predict, verify, evaluate, render, simulate),
+    *(labels, models, config),
+):
     app.command()(command)
 
 

@@ -1,5 +1,6 @@
 """`bushseg predict`."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,7 @@ import typer
 
 from .console import out, print_json, print_stages, progress, shorten, warn
 from .options import ConfigFile, Json, ModelFile, Profile, Quiet, changed
+from .verify import print_verified
 
 
 def predict(
@@ -16,6 +18,9 @@ def predict(
     ],
     model: ModelFile = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing output.")] = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Then compare the output with the scan, byte by byte.")
+    ] = False,
     keep_classification: Annotated[
         bool | None,
         typer.Option(
@@ -59,6 +64,7 @@ def predict(
     """
     from bushseg.config import Config
     from bushseg.prediction import predict_file
+    from bushseg.verification import verify as prove
 
     given = changed(
         tile_points=tile_points,
@@ -70,8 +76,11 @@ def predict(
     settings = Config.load(config, {"predict": given}).predict
     with progress(quiet=quiet or as_json) as shown:
         result = predict_file(scan, output, model, settings, overwrite=overwrite, progress=shown)
+        proof = prove(scan, result.output, progress=shown) if verify else None
     if as_json:
-        print_json(result)
+        print_json(result if proof is None else {**asdict(result), "verified": proof})
+        if proof is not None and not proof.equal:
+            raise typer.Exit(1)
         return
     warn(result.warnings)
     memory = (
@@ -90,6 +99,10 @@ def predict(
         out.print(f"  {'(no label)':24} {result.num_unlabelled:>12,} points")
     if profile:
         print_stages(result.stages, result.seconds)
+    if proof is not None:
+        print_verified(proof)
+        if not proof.equal:
+            raise typer.Exit(1)
 
 
 def _codes(pairs: list[str]) -> dict[str, int]:

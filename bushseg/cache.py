@@ -18,6 +18,7 @@ from safetensors.numpy import load_file, save_file
 from bushseg.errors import CacheError
 from bushseg.features import FEATURES
 from bushseg.files import atomic_path
+from bushseg.manifests import CropsManifest, ScanManifest, check_manifest
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import TileData
 
@@ -83,21 +84,25 @@ def read_json(path: Path) -> dict[str, Any]:
     return values
 
 
-def read_finished(path: Path, file_name: Callable[[int], str]) -> dict[str, Any] | None:
+def read_finished(
+    path: Path, file_name: Callable[[int], str], kind: type[ScanManifest] | type[CropsManifest]
+) -> dict[str, Any] | None:
     """Read a manifest if all that it lists is there.
 
     Args:
         path: The manifest; its "tiles" has an entry for each file beside it.
         file_name: Name of the file of an entry.
+        kind: Which manifest it is.
 
     Returns:
         The manifest, or None where it is missing or damaged, or a file is missing.
     """
     try:
         manifest = read_json(path)
-        files = [path.with_name(file_name(number)) for number in range(len(manifest["tiles"]))]
-    except (CacheError, KeyError, TypeError):
+        num_files = len(check_manifest(kind, manifest, path).tiles)
+    except CacheError:
         return None
+    files = [path.with_name(file_name(number)) for number in range(num_files)]
     return manifest if all(file.exists() for file in files) else None
 
 

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from bushseg.cache import load_tensors, load_tile, member, pyramid_from_tensors, read_json
-from bushseg.config import PrepareConfig, TrainConfig
+from bushseg.config import TrainConfig
 from bushseg.crops import CropSampler, class_weights, enough_crops
 from bushseg.errors import CacheError, ConfigError, DataError
 from bushseg.features import FEATURES
+from bushseg.manifests import CropsManifest, DatasetManifest, check_manifest
 from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
 from bushseg.pyramid import Pyramid
-from bushseg.scheme import ClassScheme
 from bushseg.tile_data import NetworkTile, TileData
 
 _OPEN_TILES = 48
@@ -85,38 +84,37 @@ class Dataset:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        values = read_json(self.folder / DATASET)
-        try:
-            self.config = PrepareConfig.model_validate(values["config"])
-            self.scheme = ClassScheme.model_validate(values["scheme"])
-            self.features = tuple(name for name in FEATURES if name in values["features"])
-            self.partial_features = tuple(
-                name
-                for name in self.features
-                if not all(name in scan["features"] for scan in values["scans"])
+        place = self.folder / DATASET
+        values = check_manifest(DatasetManifest, read_json(place), place)
+        self.config, self.scheme = values.config, values.scheme
+        self.features = tuple(name for name in FEATURES if name in values.features)
+        self.partial_features = tuple(
+            name
+            for name in self.features
+            if not all(name in scan.features for scan in values.scans)
+        )
+        self.scans = [scan.path for scan in values.scans]
+        self.tiles = [
+            TileEntry(
+                scan=number,
+                path=member(self.folder, scan.folder) / tile_name(index),
+                core_size=tile.core_size,
+                class_counts=tuple(tile.class_counts),
+                neighbor_distance=tile.neighbor_distance,
+                height_profile=_three(tile.height_profile),
             )
-            self.scans = [str(scan["path"]) for scan in values["scans"]]
-            self.tiles = [
-                TileEntry(
-                    scan=number,
-                    path=member(self.folder, scan["folder"]) / tile_name(index),
-                    core_size=int(tile["core_size"]),
-                    class_counts=tuple(tile["class_counts"]),
-                    neighbor_distance=float(tile["neighbor_distance"]),
-                    height_profile=_three(tile["height_profile"]),
-                )
-                for number, scan in enumerate(values["scans"])
-                for index, tile in enumerate(scan["tiles"])
-            ]
-            self._crops = member(self.folder, values["crops"])
-            drawn = read_json(self._crops / MANIFEST)
-            self.crop_tiles = [int(tile) for tile in drawn["tiles"]]
-            self.crop_labelled = [bool(labelled) for labelled in drawn["labelled"]]
-        except (KeyError, TypeError, ValueError, ValidationError) as error:
-            reason = str(error).splitlines()[0]
+            for number, scan in enumerate(values.scans)
+            for index, tile in enumerate(scan.tiles)
+        ]
+        self._crops = member(self.folder, values.crops)
+        place = self._crops / MANIFEST
+        drawn = check_manifest(CropsManifest, read_json(place), place)
+        self.crop_tiles, self.crop_labelled = drawn.tiles, drawn.labelled
+        if any(tile >= len(self.tiles) for tile in self.crop_tiles):
             raise CacheError(
-                f"{self.folder / DATASET}: can't be used ({reason}); run `bushseg prepare` again"
-            ) from error
+                f"{place}: names tile {max(self.crop_tiles)} of {len(self.tiles)}; run "
+                "`bushseg prepare` again"
+            )
         self._open: OrderedDict[int, TileData] = OrderedDict()
         self._whole: OrderedDict[int, NetworkTile] = OrderedDict()
 
@@ -129,10 +127,22 @@ class Dataset:
         tile = self._open.pop(number, None)
         if tile is None:
             tile = load_tile(self.tiles[number].path)
+            self._check_tile(self.tiles[number], tile)
         self._open[number] = tile
         if len(self._open) > _OPEN_TILES:
             self._open.popitem(last=False)
         return tile
+
+    def _check_tile(self, entry: TileEntry, tile: TileData) -> None:
+        """Hold a tile against what the manifest says of it, which training counts on."""
+        core = np.count_nonzero(tile.is_core)
+        lowest, highest = int(tile.labels.min(initial=-1)), int(tile.labels.max(initial=-1))
+        if core != entry.core_size or lowest < -1 or highest >= self.scheme.num_classes:
+            raise CacheError(
+                f"{entry.path}: {core:,} voxels in its core, labels {lowest} to {highest}; "
+                f"expected {entry.core_size:,}, -1 to {self.scheme.num_classes - 1}; run `bushseg "
+                "prepare` again"
+            )
 
     def network_tile(self, number: int) -> NetworkTile:
         """A tile with its pyramid, which is found here; the last few stay in memory.
@@ -163,10 +173,12 @@ class Dataset:
                 f"crop {number} of {self._crops} doesn't fit its tile; run `bushseg prepare` again"
             )
         pyramid = pyramid_from_tensors(tensors, len(indices))
-        if pyramid.num_levels != self.config.num_levels:
+        levels, most = pyramid.num_levels, self.config.num_neighbors
+        widths = {neighbors.shape[1] for neighbors in pyramid.neighbors}
+        if levels != self.config.num_levels or max(widths, default=0) > most:
             raise CacheError(
-                f"crop {number} of {self._crops} has {pyramid.num_levels} levels, expected "
-                f"{self.config.num_levels}; run `bushseg prepare` again"
+                f"crop {number} of {self._crops} has {levels} levels of {sorted(widths)} neighbors,"
+                f" not {self.config.num_levels} of up to {most}; run `bushseg prepare` again"
             )
         return self._sample(tile, indices, pyramid)
 

@@ -15,9 +15,19 @@ it as it stands and exits with status 1.
 
 from pathlib import Path
 
+_LONGEST = 1000  # characters of a message
+
 
 class BushsegError(Exception):
-    """Anything bushseg refuses to do, with the reason and the remedy in its message."""
+    """Anything bushseg refuses to do, with the reason and the remedy in its message.
+
+    Messages quote files, which may hold anything: line breaks and a terminal's commands are
+    escaped, and what is too long to be read is cut.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        text = "".join(char if char.isprintable() else repr(char)[1:-1] for char in message)
+        super().__init__(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
 
 
 class ReadError(BushsegError):

@@ -19,6 +19,7 @@ from bushseg.errors import DataError
 from bushseg.features import FEATURES
 from bushseg.io import find_scans
 from bushseg.labels import load_scheme
+from bushseg.manifests import CropsManifest, ScanManifest
 from bushseg.prepared import (
     DATASET,
     MANIFEST,
@@ -108,7 +109,7 @@ def prepare(
     for path in scans:
         key = scan_key(path, config, scheme)
         place = folder / "scans" / f"{path.name.split('.')[0][:60]}-{key}"
-        manifest = read_finished(place / MANIFEST, tile_name)
+        manifest = read_finished(place / MANIFEST, tile_name, ScanManifest)
         if manifest is None:
             manifest = write_tiles(path, place, config, scheme, progress, stages)
             num_redone += 1
@@ -116,7 +117,7 @@ def prepare(
     crops = folder / f"crops-{crops_key(manifests, config)}"
     tiles = [tile for manifest in manifests for tile in manifest["tiles"]]
     class_counts = np.sum([tile["class_counts"] for tile in tiles], axis=0)
-    drawn = read_finished(crops / MANIFEST, crop_name)
+    drawn = read_finished(crops / MANIFEST, crop_name, CropsManifest)
     crops_redone = drawn is None
     if drawn is None:
         drawn = write_crops(folder, crops, manifests, class_counts, config, progress, stages)

@@ -154,6 +154,7 @@ def test_no_data_set(tmp_path):
         {"scheme": {}},
         {"scans": [{}]},
         {"scans": 7},
+        {"scans": [], "crops": "crops"},
         {"crops": "../elsewhere"},
         {"features": None},
     ],
@@ -163,6 +164,37 @@ def test_a_damaged_manifest(copy, change):
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(CacheError):
         Dataset(copy)
+
+
+@pytest.mark.parametrize(
+    "change", [{"tiles": [9999] * 16}, {"tiles": [-1] * 16}, {"labelled": [True]}, {"tiles": 1e999}]
+)
+def test_a_damaged_manifest_of_crops(copy, change):
+    (path,) = copy.glob("crops-*/manifest.json")
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(CacheError, match="prepare` again"):
+        Dataset(copy)
+
+
+def test_counts_of_another_scheme(copy):
+    path = copy / "dataset.json"
+    values = json.loads(path.read_text())
+    values["scans"][0]["tiles"][0]["class_counts"].append(0)
+    path.write_text(json.dumps(values))
+    with pytest.raises(CacheError, match="classes, the scheme has"):
+        Dataset(copy)
+
+
+@pytest.mark.parametrize("change", [{"labels": 99}, {"labels": -2}, {"is_core": False}])
+def test_a_tile_the_manifest_does_not_know(copy, change):
+    dataset = Dataset(copy)
+    path = dataset.tiles[0].path
+    tensors = load_file(path)
+    for name, value in change.items():
+        tensors[name][:] = value
+    save_file(tensors, path)
+    with pytest.raises(CacheError, match="voxels in its core"):
+        dataset.tile(0)
 
 
 def test_damaged_crops_and_tiles(copy):

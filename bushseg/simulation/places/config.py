@@ -45,6 +45,9 @@ class PlaceConfig(Section):
     clumping: Range = Field((0.3, 0.8), description="Share of shrubs that stand in clumps")
     hedges: Range = Field((0, 10), description="Hedges, metres of length")
     trees: Range = Field((1, 6), description="Trees")
+    bare_stems: Range = Field(
+        (0, 0.2), description="Share of trees whose crowns begin at 0.3 to 0.6 of their height"
+    )
     saplings: Range = Field((0, 6), description="Saplings")
     undergrowth: Range = Field((0, 1), description="Shrubs and saplings below a tree's crown")
     dead_wood: Range = Field((0, 0.5), description="Snags, logs, stumps and brush heaps")
@@ -59,7 +62,7 @@ class PlaceConfig(Section):
     buildings: Range = Field((0, 0), description="Buildings")
     vehicles: Range = Field((0, 0), description="Vehicles, standing or passing")
     parked: Range = Field(
-        (0, 0), description="Share of a street's kerbs that cars are parked along"
+        (0, 0), description="Share of a street's kerbs, and of drives, with parked cars"
     )
     front_plants: Range = Field(
         (0, 0), description="Share of front gardens and house walls with hedges or shrubs"
@@ -89,6 +92,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         hedges=(4, 12),
         trees=(4, 7),
         saplings=(0, 2),
+        front_plants=(0.3, 1),
         mown=(0.4, 1),
         rocks=(0, 0.5),
         buildings=(0.7, 1.9),
@@ -126,6 +130,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         clumping=(0.6, 0.95),
         hedges=(0, 20),
         trees=(3, 12),
+        bare_stems=(0.1, 0.7),
         undergrowth=(0, 0.6),
         mown=(0.6, 1),
         buildings=(0, 0.3),
@@ -152,6 +157,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         shrubs=(10, 30),
         hedges=(5, 20),
         trees=(1, 5),
+        bare_stems=(0.1, 0.6),
         saplings=(0, 3),
         mown=(0.4, 1),
         buildings=(2, 4),
@@ -168,6 +174,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         relief=(0.1, 0.8),
         shrubs=(12, 45),
         trees=(15, 45),
+        bare_stems=(0, 0.5),
         saplings=(4, 18),
         undergrowth=(0.2, 1.2),
         dead_wood=(0.5, 4),
@@ -181,6 +188,7 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
         roughness=(0.01, 0.05),
         shrubs=(3, 25),
         trees=(25, 80),
+        bare_stems=(0.3, 1),
         saplings=(4, 35),
         undergrowth=(0.1, 1.0),
         dead_wood=(2, 10),
@@ -207,8 +215,11 @@ DEFAULTS: dict[PlaceName, PlaceConfig] = {
     "village": PlaceConfig(
         slope=(0, 8),
         shrubs=(10, 35),
-        hedges=(10, 45),
+        hedges=(15, 50),
         trees=(1, 6),
+        bare_stems=(0, 0.5),
+        front_plants=(0.4, 1),
+        parked=(0.1, 0.6),
         mown=(0.3, 1),
         buildings=(2, 4),
         vehicles=(1, 4),

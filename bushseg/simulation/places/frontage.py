@@ -84,6 +84,32 @@ def front(b: Builder, plot: Plot) -> None:
             b.stand(b.vehicle(), "vehicle or person", 1.1, place, yaw)
 
 
+def back(b: Builder, plot: Plot) -> None:
+    """A garden behind a house: hedges or fences along it, a shed, shrubs and small trees."""
+    deep, house = b.rng.uniform(7, 16), b.rng.uniform(7, 10)
+    start = plot.wall[0] + b.rng.uniform(0.5, 1.0) * house * plot.out
+    rear = plot.wall + (house + deep) * plot.out
+    inside = (0.8, b.size - 0.8)
+    for line in (np.linspace(start, rear[0], 8), np.linspace(rear[0], rear[1], 10)):
+        kept = line[((line > inside[0]) & (line < inside[1])).all(axis=1)]
+        if len(kept) < 3:
+            continue
+        if b.has("front_plants") and b.rng.random() < 0.6:
+            b.hedge(kept, draw(b.rng, b.nursery.config.hedge_height))
+        elif b.fenced(0.4):
+            b.enclose(kept, ("boards", "mesh", "wire")[b.rng.integers(3)], b.rng.uniform(1, 2))
+    middle = plot.wall.mean(axis=0) + (house + 0.5 * deep) * plot.out
+    around = np.clip(middle + b.rng.normal(0, 0.3 * deep, (60, 2)), 1, b.size - 1)
+    if b.has("buildings") and b.rng.random() < 0.3:
+        form: BuildingForm = "shed" if b.rng.random() < 0.6 else "garage"
+        yaw = float(np.arctan2(plot.out[1], plot.out[0]))
+        b.erect(building(b.rng, form), around[0], yaw)
+    if b.has("trees") and b.rng.random() < 0.6:
+        b.tree_among(around)
+    for number in range(b.rng.poisson(5 * b.amounts["front_plants"])):
+        b.shrub_among(around[number::7])
+
+
 def _opening(b: Builder) -> tuple[float, float]:
     """A stretch that leaves room for the way in, at one end or at none."""
     gate = b.rng.uniform(0.1, 0.3)

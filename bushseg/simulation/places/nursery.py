@@ -16,6 +16,8 @@ from bushseg.simulation.plants import (
     grow_tree,
 )
 from bushseg.simulation.plants.config import TreeForm
+from bushseg.simulation.plants.distributions import choose, draw
+from bushseg.simulation.plants.tree_forms import FORMS
 
 MOST_TRIANGLES = 3_500_000
 """About what a site's plants may have; more plants are drawn with fewer and larger leaves."""
@@ -68,9 +70,8 @@ class Nursery:
         self._rng = rng
         self._coarse = plants.model_copy(update={"detail": min(plants.detail, STREET_DETAIL)})
         vigor = (amounts["vigor"], amounts["vigor"], amounts["vigor"])
-        self._trees = Pool(
-            lambda: grow_tree(rng, plants, "fruit" if fruit else None).scaled(vigor), 16
-        )
+        self._bare_stems = amounts.get("bare_stems", 0.0)
+        self._trees = Pool(lambda: self._tree("fruit" if fruit else None).scaled(vigor), 16)
         self._shrubs = Pool(lambda: grow_shrub(rng, plants).scaled(vigor), 36)
         self._saplings = Pool(lambda: grow_sapling(rng, plants).scaled(vigor), 12)
         self._dead_wood = Pool(lambda: grow_dead_wood(rng, plants), 10)
@@ -82,6 +83,16 @@ class Nursery:
     def shrub(self) -> Plant:
         """A shrub."""
         return self._shrubs.take(self._rng)
+
+    def _tree(self, form: TreeForm | None) -> Plant:
+        """Grow a tree, with a bare stem where the stand shades its lower boughs away."""
+        rng, config = self._rng, self.config
+        if form is not None or rng.random() >= self._bare_stems:
+            return grow_tree(rng, config, form)
+        form = choose(rng, config.tree_forms)
+        height = float(np.clip(draw(rng, config.tree_height), *FORMS[form].heights))
+        base = rng.uniform(0.3, 0.6) * height
+        return grow_tree(rng, config, form, height, low_crown=False, base=base)
 
     def street_tree(self, base: float) -> Plant:
         """A broad-leaved tree whose crown begins at `base` metres."""

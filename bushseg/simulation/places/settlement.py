@@ -28,6 +28,8 @@ def garden(b: Builder) -> None:
         house = b.build(form, b.anywhere(), b.rng.uniform(-0.3, 0.3))
         if house is not None and number == 0:
             _drive(b, house)
+        if house is not None and b.has("front_plants"):
+            _around(b, house)
     for start, end in edges(b.size):
         _boundary(b, np.linspace(start, end, 8), ("picket", "wall", "wire", "boards", "hedge"))
     mow(b)
@@ -36,7 +38,7 @@ def garden(b: Builder) -> None:
 def village(b: Builder) -> None:
     """Houses along a street, front gardens fenced or hedged, cars parked, wires overhead."""
     b.path = winding(b.rng, b.size, bend=0.06)
-    half = b.rng.uniform(2.6, 3.4)
+    half = b.rng.uniform(2.8, 4.4)
     b.ground.grade(b.path, half, shoulder=2.5)
     b.ground.lay(b.ground.within(b.path, half + 1.3), CONCRETE)  # pavements
     b.ground.lay(b.ground.within(b.path, half), ASPHALT)
@@ -50,10 +52,12 @@ def village(b: Builder) -> None:
         house = b.build(forms[b.rng.integers(5)], where[pick], float(np.median(yaws)))
         if house is not None and b.rng.random() < 0.7:
             _drive(b, house)
+        if house is not None and b.has("front_plants"):
+            _around(b, house)
     for side in (-1, 1):
         front = beside(b.path, side * (half + 2.0))
         for part in range(4):
-            kinds = ("picket", "wall", "boards", "mesh", "hedge", "hedge")
+            kinds = ("picket", "wall", "wall", "boards", "mesh", "hedge", "hedge", "hedge", "hedge")
             _boundary(b, stretch(front, part / 4, (part + 1) / 4), kinds)
         for at in b.rng.uniform(0.15, 0.85, 2):  # between neighbors
             line = stretch(front, at, min(at + 0.05, 1.0))
@@ -62,7 +66,9 @@ def village(b: Builder) -> None:
             inside = np.clip(np.linspace(line[0], far, 8), EDGE, b.size - EDGE)
             _boundary(b, inside, ("picket", "wire", "boards", "hedge", "wall"))
     overhead(b, beside(b.path, b.rng.choice((-1, 1)) * (half + 1.0)))
-    _park(b, b.path, half - 0.8)
+    _park(b, b.path, half - 0.9)
+    b.path = np.clip(beside(b.path, -0.4 * half), 1.0, b.size - 1.0)
+    b.ground.clear(b.path, 0.6)
     mow(b)
 
 
@@ -138,10 +144,23 @@ def _drive(b: Builder, house: tuple[FloatArray, float]) -> None:
     b.ground.reserve(cells, WAY)
 
 
+def _around(b: Builder, house: tuple[FloatArray, float]) -> None:
+    """Shrubs against a house and close to it; now and then a small tree."""
+    place, radius = house
+    number = b.rng.poisson(10 * b.amounts["front_plants"])
+    for _ in range(number):
+        turn = b.rng.uniform(0, 2 * np.pi, 24)
+        out = radius * b.rng.uniform(0.55, 1.2, 24)
+        b.shrub_among(place + out[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    if b.has("trees") and b.rng.random() < 0.5:
+        turn = b.rng.uniform(0, 2 * np.pi, 40)
+        b.tree_among(place + 1.3 * radius * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+
+
 def _park(b: Builder, line: FloatArray, off: float) -> None:
     """Park the site's vehicles along a street."""
     for _ in range(b.count("vehicles")):
-        where, yaws = spaced(beside(line, b.rng.choice((-1, 1)) * off), 1.0)
+        where, yaws = spaced(beside(line, off), 1.0)  # one drives on the right
         inner = slice(3, -3) if len(where) > 12 else slice(None)
         pick = b.rng.integers(len(where[inner]))
         place = where[inner][pick]

@@ -7,7 +7,7 @@ import numpy as np
 from bushseg.points import FloatArray
 from bushseg.simulation.materials import ASPHALT, CONCRETE, LAWN
 from bushseg.simulation.places.builder import Builder
-from bushseg.simulation.places.frontage import front, rows
+from bushseg.simulation.places.frontage import back, front, rows
 from bushseg.simulation.places.ground import BUILT, WAY
 from bushseg.simulation.places.lines import beside, length, spaced, winding
 from bushseg.simulation.places.settlement import mow, overhead
@@ -66,8 +66,11 @@ def street(b: Builder) -> None:
                 * (section.verge - 0.6 if section.verge > section.kerb else section.kerb + 0.4),
             ),
         )
-    for plot in rows(b, middle, section.pavement):
+    plots = list(rows(b, middle, section.pavement))
+    for plot in plots:
         front(b, plot)
+    for plot in plots:
+        back(b, plot)
     _small(b, middle, section)
     if b.rng.random() < 0.25:
         overhead(b, beside(middle, b.rng.choice((-1, 1)) * (section.kerb + 0.4)))

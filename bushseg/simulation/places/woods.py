@@ -37,6 +37,8 @@ def forest(b: Builder) -> None:
     if b.rng.random() < 0.5:
         b.ground.lay(b.ground.within(b.path, 0.7), SOIL)
     b.ground.clear(b.path, 0.8)
+    for _ in range(b.count("trees", 0.15)):  # a walker passes stems within reach
+        b.tree_among(b.along(b.path, b.rng.uniform(1.2, 2.5)))
     patches = waves(b.rng, b.ground.centers(), shortest=5, longest=25).reshape(b.scrub.shape)
     b.scrub = 1 / (1 + np.exp(-2.5 * (patches - 0.3)))
     openings = waves(b.rng, b.ground.centers(), shortest=12, longest=40).reshape(b.scrub.shape)

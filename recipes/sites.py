@@ -74,12 +74,16 @@ TRAINING: dict[str, dict[str, SimulateConfig]] = {
         "phase_settled": _sites(1550, "phase", 2, 40.0, SETTLED, stations=2),
         "uav": _sites(1600, "uav", 3, 60.0, GREEN),
         "uav_settled": _sites(1650, "uav", 3, 60.0, SETTLED),
+        "photogrammetry": _sites(1702, "photogrammetry", 3, 60.0, GREEN),
+        "photogrammetry_settled": _sites(1755, "photogrammetry", 2, 60.0, SETTLED),
     },
     "airborne": {
         "airborne": _sites(2000, "airborne", 12, 100.0, GREEN),
         "airborne_settled": _sites(2050, "airborne", 14, 100.0, SETTLED),
         "uav": _sites(2100, "uav", 2, 80.0, GREEN),
         "uav_settled": _sites(2150, "uav", 3, 80.0, SETTLED),
+        "photogrammetry": _sites(2201, "photogrammetry", 2, 80.0, GREEN),
+        "photogrammetry_settled": _sites(2252, "photogrammetry", 2, 80.0, SETTLED),
     },
 }
 """By model, then by folder."""
@@ -93,6 +97,7 @@ TEST: dict[str, SimulateConfig] = {
     "tripod": _sites(9332, "tripod", 4, 40.0, _ALL, OTHER_PLANTS),
     "uav": _sites(9416, "uav", 3, 60.0, _ALL, OTHER_PLANTS),
     "airborne": _sites(9522, "airborne", 5, 100.0, _ALL, OTHER_PLANTS),
+    "photogrammetry": _sites(9603, "photogrammetry", 2, 60.0, _ALL, OTHER_PLANTS),
 }
 """By folder, seeds chosen so that each draws a street and a wood or park among other places; both
 models are judged on those whose density suits them."""

@@ -1,7 +1,7 @@
 """How far simulated scans are from real ones: the simulator's figure of merit, to be driven down.
 
     python benchmarks/realism.py tls=SITES mls=SITES frame=FRAMES uav=SITES airborne=SITES
-        --real ../shared/data [--above 0.5] [--per-scan]
+        photogrammetry=SITES --real ../shared/data [--above 0.5] [--per-scan]
 
 Scans are compared within a kind of sensor, after sub-sampling at one voxel size: histograms of what
 the network sees (inclination of normals, SPF angles, density, height above ground, eigenvalue
@@ -53,6 +53,7 @@ KINDS = {
     "mls": Kind(("forest/MLS_Clip.laz",), 0.1, one_place=True),
     "frame": Kind(("frames/*.bin",), 0.1, one_place=True),
     "uav": Kind(("forest/pine_plot.laz", "forest/QuePet*.laz"), 0.15),
+    "photogrammetry": Kind(("odm/*.laz",), 0.1, one_place=True),
     "airborne": Kind(("ign/ign_770*.laz", "forest/bcts_*.laz"), 0.3),
 }
 

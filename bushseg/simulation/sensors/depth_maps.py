@@ -7,7 +7,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter, grey_opening, median_
 THIN = 3
 """What is thinner than about half so many pixels is not matched."""
 
-MELT = 0.5
+MELT = 0.8
 """Depths that differ by so much are still drawn together by smoothing, metres."""
 
 STEEPEST = 8.0
@@ -40,7 +40,7 @@ def matched(
     filled = np.where(known, depths, depths[known].max(initial=0.0))
     # Gaps that are narrower than a window are dark and filled by what is in front of them.
     front: Depths = grey_opening(median_filter(filled, THIN), size=(window, window))
-    smooth = gaussian_filter(front, window / 4)
+    smooth = gaussian_filter(front, window / 2.5)
     even = np.exp(-(((front - smooth) / MELT) ** 2))
     found = (even * smooth + (1 - even) * front).astype(np.float32)
     rough = gaussian_filter(np.abs(filled - found), window / 2)

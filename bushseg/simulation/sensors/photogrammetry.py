@@ -33,7 +33,7 @@ WIDEST = 9
 ROWS = 1_000_000
 """About so many rays are cast at once."""
 
-LAYERS = 0.3
+LAYERS = 0.5
 """Views add nothing less than about so far above or below what others before them gave, metres."""
 
 EXPOSED = 100.0
@@ -165,7 +165,13 @@ def _view(
     noise = figures.range_noise * noise + figures.registration_noise * rng.standard_normal()
     kept = np.flatnonzero(could.ravel() & (rng.random(side * side) >= figures.dropout))
     struck = source.ravel()[kept]
-    xyz = origins[kept] + (found.ravel() + noise)[kept, None] * direction
+    # A point lies anywhere in its pixel, on the plane through it: seen askew, walls would have
+    # points in rows otherwise.
+    off = rng.uniform(-pixel / 2, pixel / 2, (2, len(kept)))
+    across, along = (slope.ravel()[kept] for slope in np.gradient(found, pixel))
+    reach = (found.ravel() + noise)[kept] + across * off[0] + along * off[1]
+    xyz = origins[kept] + reach[:, None] * direction
+    xyz[:, :2] += off.T
     inside = ((xyz[:, :2] >= 0) & (xyz[:, :2] <= size)).all(axis=1)
     place = (origins[struck] + depths[struck, None] * direction).astype(np.float32)
     return Seen(xyz, place, normal[struck], part[struck]).take(inside)

@@ -2,14 +2,17 @@
 
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bushseg import io
-from bushseg.errors import BushsegError
-from bushseg.io import laz
+from bushseg.errors import BushsegError, ReadError
+from bushseg.io import laz, laz_worker
+from bushseg.io.laz_body import lazrs_errors
+from bushseg.io.laz_process import LazProcess
 
 CHUNK = 7
 """Points a chunk: less than a seed's, so that what goes wrong between chunks shows."""
@@ -24,7 +27,7 @@ def run(target: Callable[[Path], None], path: Path) -> str:
     """Do it.
 
     Returns:
-        "read", "refused", or "panicked" where lazrs gave up by a Rust panic that was caught.
+        "read" or "refused".
 
     Raises:
         WrongResultError: What was read contradicts itself, or a refusal isn't one line.
@@ -35,8 +38,7 @@ def run(target: Callable[[Path], None], path: Path) -> str:
     except BushsegError as error:
         if len(str(error).splitlines()) != 1 or len(str(error)) > LONGEST_MESSAGE:
             raise WrongResultError(f"a message of {len(str(error))} characters") from error
-        cause = type(error.__cause__).__name__
-        return "panicked" if cause == "PanicException" else "refused"
+        return "refused"
     return "read"
 
 
@@ -90,6 +92,22 @@ def read_dataset(path: Path) -> None:
         sample = dataset.cached_sample(number)
         expect(len(sample.labels) == len(sample.pyramid.neighbors[0]), "indices of other points")
         expect(int(sample.labels.max()) < dataset.scheme.num_classes, "labels of no class")
+
+
+def bring_lazrs_in() -> None:
+    """Run lazrs in this process, as bushseg doesn't: a hundred times as many cases a second."""
+
+    def run_here(self: LazProcess, request: dict[str, Any], most: int) -> Iterator[Any]:
+        path = self._path
+        with lazrs_errors(lambda reason: ReadError(path, reason, "undamaged data")):
+            try:
+                for block in laz_worker.answer({"path": str(path), **request}):
+                    expect(0 < len(block) <= most, f"an answer of {len(block)} bytes")
+                    yield np.frombuffer(block, np.uint8)
+            except laz_worker.RefusalError as error:
+                raise ReadError(path, *error.args) from error
+
+    LazProcess.run = run_here  # type: ignore[method-assign]
 
 
 def expect(condition: bool, otherwise: str) -> None:

@@ -25,6 +25,7 @@ from bushseg.io.las_points import (
 )
 from bushseg.io.laz import decompress
 from bushseg.io.laz_body import LazBody, inspect_laz
+from bushseg.io.laz_process import LazProcess
 from bushseg.io.sniff import check_file
 from bushseg.points import PointCloud
 
@@ -46,15 +47,16 @@ class LasReader(ScanReader):
         check_file(path)
         size = path.stat().st_size
         self._file = path.open("rb")
+        self._process = LazProcess(path)
         try:
             self.header: LasHeader = read_header(path, self._file, size)
             self._body: LazBody | None = None
             if self.header.compressed:
-                self._body = inspect_laz(path, self._file, self.header, size)
+                self._body = inspect_laz(path, self._file, self.header, size, self._process)
             self.layout: PointLayout = self._read_layout()
             self.info = self._describe(path)
         except BaseException:
-            self._file.close()
+            self.close()
             raise
 
     def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:
@@ -84,12 +86,13 @@ class LasReader(ScanReader):
 
     def close(self) -> None:
         """Release the file."""
+        self._process.close()
         self._file.close()
 
     def _raw_chunks(self, size: int) -> Iterator[NDArray[np.uint8]]:
         header = self.header
         if self._body is not None:
-            yield from decompress(self.info.path, self._file, header, self._body, size)
+            yield from decompress(self.info.path, self._process, header, self._body, size)
             return
         for begin in range(0, header.num_points, size):
             num_points = min(size, header.num_points - begin)

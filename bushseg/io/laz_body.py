@@ -1,15 +1,15 @@
 """What a LAZ file claims of its compressed points, checked before lazrs believes it.
 
 lazrs (laz-rs) sizes buffers by numbers from the file: the length of the chunk table, the chunk
-size, the byte counts of the chunks. An absurd number there aborts the process, and no handler can
-catch that. So all of them are compared with the header and the file's size first.
+size, the byte counts of the chunks. All of them are compared with the header and the file's size
+first. lazrs runs in a process of its own all the same (:mod:`bushseg.io.laz_process`).
 
 Source: the LASzip format (LAZ Specification 1.4 R1, ASPRS / rapidlasso).
 """
 
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bushseg.errors import BushsegError, ReadError
 from bushseg.io.las_header import RECORD_SIZES, LasHeader
+from bushseg.io.laz_process import LazProcess
 
 LASZIP_RECORD = ("laszip encoded", 22204)
 _VLR = struct.Struct("<HHBBHIIqqH")
@@ -46,14 +47,23 @@ class LazBody:
         chunks: Points and compressed bytes of each chunk, shape (M, 2), int64; None if all points
             are one stream.
         num_layers: Layers of each chunk; 0 where the chunks are not layered.
+        num_bytes: From the points' begin to the file's end.
     """
 
     vlr: bytes
     chunks: NDArray[np.int64] | None
     num_layers: int
+    num_bytes: int
+
+    @property
+    def one_chunk(self) -> bytes:
+        """The payload of a file that holds a single chunk, of whatever size."""
+        return _with_chunk_size(self.vlr, _ONE_CHUNK)
 
 
-def inspect_laz(path: Path, file: BinaryIO, header: LasHeader, size: int) -> LazBody:
+def inspect_laz(
+    path: Path, file: BinaryIO, header: LasHeader, size: int, process: LazProcess
+) -> LazBody:
     """Check all that sizes an allocation while decompressing, but for the layers.
 
     Raises:
@@ -66,12 +76,12 @@ def inspect_laz(path: Path, file: BinaryIO, header: LasHeader, size: int) -> Laz
     payload = record.payload(file)
     compressor, chunk_size, num_layers = _parse_vlr(path, header, payload)
     if compressor == _UNCHUNKED:
-        return LazBody(_with_chunk_size(payload, _ONE_CHUNK), None, 0)
+        return LazBody(_with_chunk_size(payload, _ONE_CHUNK), None, 0, size - header.point_offset)
     if chunk_size == 0:  # Some writers of COPC say so.
         chunk_size = _VARIABLE_CHUNKS
     payload = _with_chunk_size(payload, chunk_size)
-    chunks = _read_chunk_table(path, file, header, size, payload, chunk_size)
-    return LazBody(payload, chunks, num_layers)
+    chunks = _read_chunk_table(path, file, header, size, payload, chunk_size, process)
+    return LazBody(payload, chunks, num_layers, size - header.point_offset)
 
 
 @contextmanager
@@ -87,17 +97,6 @@ def lazrs_errors(convert: Callable[[str], BushsegError]) -> Iterator[None]:
         if not isinstance(error, lazrs.LazrsError) and type(error).__name__ != "PanicException":
             raise
         raise convert(" ".join(str(error).split())) from error
-
-
-def lazrs_as_read_errors(path: Path) -> AbstractContextManager[None]:
-    """Turn what lazrs says of a file's compressed points into a ReadError."""
-    return lazrs_errors(
-        lambda reason: ReadError(
-            path,
-            f"compressed points that don't decode ({reason})",
-            "undamaged LAZ data; copy or export the file again",
-        )
-    )
 
 
 def _parse_vlr(path: Path, header: LasHeader, payload: bytes) -> tuple[int, int, int]:
@@ -134,7 +133,13 @@ def _with_chunk_size(payload: bytes, chunk_size: int) -> bytes:
 
 
 def _read_chunk_table(
-    path: Path, file: BinaryIO, header: LasHeader, size: int, vlr: bytes, chunk_size: int
+    path: Path,
+    file: BinaryIO,
+    header: LasHeader,
+    size: int,
+    vlr: bytes,
+    chunk_size: int,
+    process: LazProcess,
 ) -> NDArray[np.int64]:
     start = header.point_offset
     table = _find_chunk_table(path, file, start, size)
@@ -152,16 +157,15 @@ def _read_chunk_table(
             f"a table of {num_chunks:,} LAZ chunks",
             f"one for {header.num_points:,} points in {room:,} bytes; the file is damaged",
         )
-    file.seek(table)
-    with lazrs_as_read_errors(path):
-        entries = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
+    request = {"table": table, "vlr": vlr.hex()}
+    (answer,) = process.run(request, 16 * num_chunks)
+    chunks = answer.view("<i8").reshape(-1, 2).astype(np.int64)
     if not variable:
-        entries = [(chunk_size, num_bytes) for _, num_bytes in entries[:needed]]
-        entries[-1] = (header.num_points - chunk_size * (needed - 1), entries[-1][1])
-    # A negative count comes as a number beyond int64.
-    if any(points > header.num_points or num_bytes > size for points, num_bytes in entries):
+        chunks = chunks[:needed]
+        chunks[:, 0] = chunk_size
+        chunks[-1, 0] = header.num_points - chunk_size * (needed - 1)
+    if (chunks < 0).any() or (chunks > (header.num_points, size)).any():
         raise ReadError(path, "a LAZ chunk table that reaches beyond the file", "an undamaged one")
-    chunks = np.array(entries, np.int64).reshape(-1, 2)
     chunks = chunks[chunks[:, 0] > 0]
     num_points, num_bytes = (int(total) for total in chunks.sum(axis=0))
     if num_points != header.num_points or num_bytes > room:

@@ -89,7 +89,7 @@ def test_what_is_shown_can_be_read_again(tmp_path):
 
 def test_all_settings_are_shown_with_their_meaning():
     text = described(SimulateConfig())
-    for section in ("sensor", "terrain", "plants", "places.garden", "places.yard"):
+    for section in ("sensor", "terrain", "plants", "structures", "places.garden", "places.yard"):
         assert f"[{section}]" in text
     for field in PlaceConfig.model_fields.values():
         assert f"# {field.description}\n" in text

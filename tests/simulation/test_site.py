@@ -16,6 +16,7 @@ EXPECTED = {
     "garden": {"building", "man-made"},
     "park": {"man-made", "vehicle or person"},
     "road": {"man-made", "vehicle or person"},
+    "street": {"building", "man-made", "vehicle or person"},
     "village": {"building", "man-made", "vehicle or person"},
     "yard": {"building", "man-made", "vehicle or person"},
 }

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bushseg.points import FloatArray
 from bushseg.simulation.mesh import Model, Surface, join, placed
-from bushseg.simulation.places.ground import BUILT, PLANT, WAY, Ground
+from bushseg.simulation.places.ground import BUILT, MARGIN, PLANT, WAY, Ground
 from bushseg.simulation.places.lines import beside, length, spaced, stretch
 from bushseg.simulation.places.nursery import Nursery
 from bushseg.simulation.plants import Plant
@@ -146,12 +146,12 @@ class Builder:
     def erect(self, house: Building, place: FloatArray, yaw: float) -> bool:
         """Set up a building where its whole plan is free, the ground as it is.
 
+        It may reach beyond the site's edge, as long as its middle doesn't.
+
         Returns:
             Whether there was room.
         """
-        turned = np.abs([np.cos(yaw), np.sin(yaw)])
-        reach = (house.length * turned + house.width * turned[::-1]) / 2
-        if (place < reach).any() or (place > self.size - reach).any():
+        if (place < MARGIN).any() or (place > self.size - MARGIN).any():
             return False
         covered = self.footprint(house, place, yaw, -0.2)
         if (self.ground.taken[covered] >= WAY).any():

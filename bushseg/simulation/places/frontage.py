@@ -39,7 +39,7 @@ def rows(b: Builder, middle: FloatArray, off: float) -> Iterator[Plot]:
     terraced = b.rng.random() < b.structures.terraced
     for side in (-1, 1):
         line = beside(middle, side * off)
-        depth = draw(b.rng, b.structures.front_garden)
+        depth = min(draw(b.rng, b.structures.front_garden), b.size / 10)
         at, total = b.rng.uniform(0, 6), length(line)
         while at < total - 5 and left > 0:
             house = building(b.rng, FORMS[b.rng.integers(len(FORMS))], largest=b.size / 3.5)

@@ -79,9 +79,9 @@ def street(b: Builder) -> None:
 
 def _section(b: Builder) -> Section:
     """Draw a cross-section, narrower where the site is small."""
-    lanes = b.rng.uniform(2.8, 5.2)
+    lanes = b.rng.uniform(2.8, np.clip(b.size / 12, 3.0, 5.2))
     kerb = lanes + PARKING
-    verge = kerb + (b.rng.uniform(1.2, 2.5) if b.rng.random() < 0.4 else 0.0)
+    verge = kerb + (b.rng.uniform(1.2, 2.5) if b.size > 55 and b.rng.random() < 0.4 else 0.0)
     return Section(lanes, kerb, verge, verge + b.rng.uniform(1.5, 2.8))
 
 

@@ -46,7 +46,12 @@ def domain_warnings(
 
 def _units(scan: VoxelScan, crs: str | None) -> str | None:
     """Coordinates that aren't metres."""
-    width = float(np.ptp(scan.voxels.xyz[:, :2], axis=0).max())
+    xyz, scratch = scan.voxels.xyz, scan.voxels.scratch
+    spans = [
+        (xyz[rows, :2].min(axis=0), xyz[rows, :2].max(axis=0)) for rows in scratch.blocks(len(xyz))
+    ]
+    low, high = np.min(spans, axis=0)[0], np.max(spans, axis=0)[1]
+    width = float((high - low).max())
     if width < _LEAST_WIDTH and scan.num_points >= _MANY_POINTS:
         return (
             f"the scan's {scan.num_points:,} points lie within {width:.3g} m: are its coordinates "
@@ -88,7 +93,7 @@ def _heights(card: ModelCard, scan: VoxelScan) -> list[str | None]:
     """Heights that no training scan had, and a scan without ground to measure them from."""
     if card.heights is None or card.low_share is None:
         return []
-    low, high, low_share = height_profile(scan.features["height"])
+    low, high, low_share = height_profile(scan.features["height"], scan.voxels.scratch)
     reach, depth = card.heights[1], card.heights[0]
     tall = deep = bare = None
     if high > _HEIGHT_MARGIN * max(reach, 1.0):

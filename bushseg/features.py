@@ -5,12 +5,14 @@ zero where a scan lacks them.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.points import PointCloud
+from bushseg.scratch import Scratch
 
 FEATURES: dict[str, int] = {"rgb": 3, "intensity": 1, "height": 1}
 """Every feature and the number of its columns, in the order the network takes them."""
@@ -27,6 +29,7 @@ HEIGHT_SCALE = 5.0  # metres: about where bushes end and trees go on
 NEAR_GROUND = 0.5
 """Metres above ground up to which a voxel counts as near it."""
 
+_COLORS = ("red", "green", "blue")
 _QUANTILE_POINTS = 1_000_000
 
 
@@ -44,8 +47,7 @@ def source_columns(names: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     for triple in COLOR_NAMES:
         if all(name.lower() in exact for name in triple):
-            ours = ("red", "green", "blue")
-            found |= {our: exact[name.lower()] for our, name in zip(ours, triple, strict=True)}
+            found |= {our: exact[name.lower()] for our, name in zip(_COLORS, triple, strict=True)}
             break
     else:
         packed = next((name for name in ("rgb", "rgba") if name in exact), None)
@@ -84,61 +86,114 @@ def source_values(cloud: PointCloud, columns: Mapping[str, str]) -> dict[str, ND
     return values
 
 
-def full_scale(colors: NDArray[np.float32]) -> float:
+def full_scale(top: float) -> float:
     """The value that stands for full brightness, by the largest of a whole scan's colors.
-
-    Args:
-        colors: Of any shape, float32.
 
     Returns:
         1 for unit range, 255 for 8 bit, 65535 for 16 bit.
     """
-    top = float(colors.max(initial=0))
     return 1.0 if top <= 1 else 255.0 if top <= 255 else 65535.0
 
 
-def normalize(
-    values: Mapping[str, NDArray[np.float32]], height: NDArray[np.float32]
-) -> dict[str, NDArray[np.float32]]:
-    """Bring a scan's values to the network's scale.
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """How a scan's values come to the network's scale.
 
     Colors: 8 bit, 16 bit or unit range, told apart by their largest value, become [-1, 1].
     Intensity has no common unit between sensors: it is centered on the scan's median and divided by
     its 10-90 % span, then clipped to [-2, 2]. Height is divided by 5 m. A column that never changes
     (writers fill what they lack with zeros) counts as absent.
 
-    Args:
-        values: Voxel means by name, each (N,) float32, as :func:`source_values` names them.
-        height: Metres above ground, (N,) float32.
-
-    Returns:
-        Feature name to (N, columns) float32, in the order of `FEATURES`.
+    Attributes:
+        brightest: The value of full brightness; None without colors.
+        intensity: The median and the span; None without intensity.
     """
-    features: dict[str, NDArray[np.float32]] = {}
-    if "red" in values:
-        rgb = np.stack([values["red"], values["green"], values["blue"]], axis=1)
-        if (rgb != rgb[:1]).any():
-            features["rgb"] = (rgb / full_scale(rgb) * 2 - 1).astype(np.float32)
-    if "intensity" in values:
-        intensity = values["intensity"]
-        sample = intensity[:: max(1, len(intensity) // _QUANTILE_POINTS)]
-        low, middle, high = np.quantile(sample, (0.1, 0.5, 0.9)) if len(sample) else (0, 0, 0)
-        if high > low:
-            scaled = (intensity - middle) / (high - low)
+
+    brightest: float | None
+    intensity: tuple[float, float] | None
+
+    @classmethod
+    def of(cls, values: Mapping[str, NDArray[np.float32]], scratch: Scratch | None = None) -> Self:
+        """Find a scan's.
+
+        Args:
+            values: Voxel means by name, each (N,) float32, as :func:`source_values` names them.
+            scratch: What made them; None for memory.
+        """
+        brightest, intensity, scratch = None, None, scratch or Scratch()
+        if "red" in values:
+            colors = [values[name] for name in _COLORS]
+            spans = [_span(column, scratch) for column in colors]
+            if any(low < high for low, high in spans):
+                brightest = full_scale(max(high for _, high in spans))
+        if "intensity" in values:
+            sample = scratch.sample(values["intensity"], _QUANTILE_POINTS)
+            low, middle, high = np.quantile(sample, (0.1, 0.5, 0.9)) if len(sample) else (0, 0, 0)
+            if high > low:
+                intensity = float(middle), float(high - low)
+        return cls(brightest, intensity)
+
+    @property
+    def features(self) -> dict[str, int]:
+        """The features there are, and their columns, in the order of `FEATURES`."""
+        present = {
+            "rgb": self.brightest is not None,
+            "intensity": self.intensity is not None,
+            "height": True,
+        }
+        return {name: columns for name, columns in FEATURES.items() if present[name]}
+
+    def apply(
+        self, values: Mapping[str, NDArray[np.float32]], height: NDArray[np.float32]
+    ) -> dict[str, NDArray[np.float32]]:
+        """Scale some voxels' values.
+
+        Args:
+            values: As in :meth:`of`, of any of the scan's voxels, (N,) float32 each.
+            height: Metres above ground, (N,) float32.
+
+        Returns:
+            Feature name to (N, columns) float32, in the order of `FEATURES`.
+        """
+        features: dict[str, NDArray[np.float32]] = {}
+        if self.brightest is not None:
+            rgb = np.stack([values[name] for name in _COLORS], axis=1)
+            features["rgb"] = (rgb / self.brightest * 2 - 1).astype(np.float32)
+        if self.intensity is not None:
+            middle, span = self.intensity
+            scaled = (values["intensity"] - middle) / span
             features["intensity"] = np.clip(scaled, -2, 2).astype(np.float32)[:, None]
-    features["height"] = (height / np.float32(HEIGHT_SCALE))[:, None]
-    return features
+        features["height"] = (height / np.float32(HEIGHT_SCALE))[:, None]
+        return features
 
 
-def height_profile(height: NDArray[np.float32]) -> tuple[float, float, float]:
+def normalize(
+    values: Mapping[str, NDArray[np.float32]], height: NDArray[np.float32]
+) -> dict[str, NDArray[np.float32]]:
+    """Bring all of a scan's values to the network's scale; see :class:`Scaling`."""
+    return Scaling.of(values).apply(values, height)
+
+
+def _span(column: NDArray[np.float32], scratch: Scratch) -> tuple[float, float]:
+    """The least and the largest value."""
+    low, high = np.inf, -np.inf
+    for rows in scratch.blocks(len(column)):
+        low, high = min(low, float(column[rows].min())), max(high, float(column[rows].max()))
+    return low, high
+
+
+def height_profile(
+    height: NDArray[np.float32], scratch: Scratch | None = None
+) -> tuple[float, float, float]:
     """How high a scan reaches, and how much of it lies near the ground.
 
     Args:
         height: The feature of that name, shape (N, 1), float32; N >= 1.
+        scratch: What made it; None for memory.
 
     Returns:
         The 1 % and the 99 % quantile in metres, and the share of voxels within `NEAR_GROUND`.
     """
-    metres = height[:: max(1, len(height) // _QUANTILE_POINTS), 0] * HEIGHT_SCALE
+    metres = (scratch or Scratch()).sample(height[:, 0], _QUANTILE_POINTS) * HEIGHT_SCALE
     low, high = np.quantile(metres, (0.01, 0.99))
     return float(low), float(high), float((np.abs(metres) <= NEAR_GROUND).mean())

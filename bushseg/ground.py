@@ -6,9 +6,13 @@ returns below ground) are taken out; a grey-scale opening then removes what is n
 window and stands higher (plants, cars, small buildings), after Zhang et al., "A progressive
 morphological filter", 2003, in one step. It is a feature for the network, not a terrain model:
 under a roof wider than the window it follows the roof.
+
+The raster is kept in sheets, and only where there are points: a stray return kilometres away costs
+one sheet. Each is filtered with a margin of what lies around it, so that sheets fit together.
 """
 
-from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +20,7 @@ from scipy import ndimage
 
 from bushseg.compiled import compiled
 from bushseg.parallel import for_chunks
+from bushseg.scratch import Scratch
 
 CELL = 1.0
 """Edge of a raster cell, metres; doubled until the raster is small enough."""
@@ -26,12 +31,16 @@ WINDOW = 21.0
 PIT_DEPTH = 2.0
 """A cell this much below everything around it, in metres, is no ground."""
 
-PATCH = 64.0
-"""Edge of the blocks, metres, by which far-apart parts of a scan are told apart; over a window."""
+SHEET = 256
+"""Edge of a sheet, cells."""
+
+MARGIN = 64
+"""Cells around a sheet that its ground depends on: the windows of the filters, one after the other,
+reach 34, the rest is for cells without a point, which take the nearest one's."""
 
 _CHUNK = 65_536  # points a thread takes at a time
-_MAX_CELLS = 16_000_000
-_MIN_CELLS = 65_536
+_MAX_SHEETS = 1 << 22  # places for sheets, most of them empty
+_MIN_CELLS = 1 << 20
 _CELLS_PER_POINT = 8  # a raster much finer than its points only repeats them
 
 
@@ -45,79 +54,157 @@ def height_above_ground(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
     Returns:
         Metres, shape (N,), float32.
     """
-    heights = np.empty(len(xyz), dtype=np.float32)
-    if len(xyz):
-        for members in _patches(xyz):
-            heights[members] = _heights(xyz[members])
-    return heights
+    if not len(xyz):
+        return np.empty(0, dtype=np.float32)
+    return Ground.below(xyz, Scratch()).heights(xyz)
 
 
-def _patches(xyz: NDArray[np.float64]) -> Iterator[slice | NDArray[np.intp]]:
-    """Split a scan that leaves most of its rectangle empty into its connected parts.
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The ground below a scan.
 
-    A stray return kilometres away would otherwise stretch the raster over nothing.
+    Attributes:
+        cell: Edge of a cell, metres.
+        corner: The first cell in x and y, counted from the origin, shape (2,), float64.
+        rows: Which raster a sheet has, -1 for none, shape (X, Y), int32.
+        rasters: Ground level of each sheet's cells, with one cell more on each side, metres, shape
+            (sheets, H + 2, W + 2), float64.
     """
-    low, high = _extent(xyz)
-    if _num_cells(low, high, CELL) <= _CELLS_PER_POINT * len(xyz):
-        yield slice(None)
-        return
-    patch = PATCH
-    while _num_cells(low, high, patch) > _MAX_CELLS:
-        patch *= 2
-    blocks = np.floor(xyz[:, :2] / patch).astype(np.int64)
-    blocks -= blocks.min(axis=0)
-    occupied = np.zeros(blocks.max(axis=0) + 1, dtype=bool)
-    occupied[tuple(blocks.T)] = True
-    parts, _ = ndimage.label(occupied, structure=np.ones((3, 3)))
-    part = parts[tuple(blocks.T)]
-    order = np.argsort(part, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(part[order])) + 1)
+
+    cell: float
+    corner: NDArray[np.float64]
+    rows: NDArray[np.int32]
+    rasters: NDArray[np.float64]
+
+    @classmethod
+    def below(cls, xyz: NDArray[np.float64], scratch: Scratch) -> Self:
+        """The ground below some points.
+
+        Args:
+            xyz: Positions as in :func:`height_above_ground`, N >= 1.
+            scratch: Makes the rasters.
+
+        Raises:
+            WriteError: It can't.
+        """
+        cell, corner, shape, rows = _layout(xyz, scratch)
+        sheet = tuple(min(SHEET, int(size)) for size in shape)
+        lowest = scratch.empty("lowest", (int(rows.max()) + 1, *sheet), np.float64)
+        lowest.fill(np.inf)
+        for block in scratch.blocks(len(xyz)):
+            _lower(xyz[block], corner, cell, rows, lowest)
+        rasters = scratch.empty("ground", (len(lowest), sheet[0] + 2, sheet[1] + 2), np.float64)
+        for place in np.argwhere(rows >= 0):
+            rasters[rows[tuple(place)]] = _sheet_ground(lowest, rows, place, shape, cell)
+            scratch.release()
+        return cls(cell, corner, rows, rasters)
+
+    def heights(self, xyz: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Height above it of some of its points, metres, shape (N,), float32."""
+        heights = np.empty(len(xyz), dtype=np.float32)
+        for_chunks(
+            lambda start, stop: _rise(
+                xyz, self.corner, self.cell, self.rows, self.rasters, heights, start, stop
+            ),
+            len(xyz),
+            _CHUNK,
+        )
+        return heights
 
 
-def _num_cells(low: NDArray[np.float64], high: NDArray[np.float64], cell: float) -> float:
-    """Cells of a raster between two corners, at most."""
-    return float(np.prod(np.floor((high - low) / cell) + 2))
-
-
-def _heights(xyz: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Heights of one connected part, as :func:`height_above_ground`."""
-    low, high = _extent(xyz)
-    limit = min(_MAX_CELLS, max(_MIN_CELLS, _CELLS_PER_POINT * len(xyz)))
+def _layout(
+    xyz: NDArray[np.float64], scratch: Scratch
+) -> tuple[float, NDArray[np.float64], NDArray[np.int64], NDArray[np.int32]]:
+    """The cell's size, the first cell, the raster's shape in cells, and the sheets' rows."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for block in scratch.blocks(len(xyz)):
+        _widen(xyz[block], low, high)
+    limit = max(_MIN_CELLS, _CELLS_PER_POINT * len(xyz))
     cell = CELL
-    while _num_cells(low, high, cell) > limit:
+    while True:
+        corner = np.floor(low / cell)
+        shape = np.floor(high / cell) - corner + 1
+        sheets = np.ceil(shape / SHEET)
+        if sheets.prod() <= _MAX_SHEETS:
+            rows = np.full(sheets.astype(np.int64), -1, dtype=np.int32)
+            for block in scratch.blocks(len(xyz)):
+                _mark(xyz[block], corner, cell, rows)
+            used = rows >= 0
+            if np.count_nonzero(used) * np.minimum(shape, SHEET).prod() <= limit:
+                rows[used] = np.arange(np.count_nonzero(used))
+                return cell, corner, shape.astype(np.int64), rows
         cell *= 2
-    corner = np.floor(low / cell)
-    lowest = np.full((high / cell - corner).astype(np.int64) + 1, np.inf)
-    _lower(xyz, corner, cell, lowest)
-    raster = _ground_raster(lowest, cell)
-    heights = np.empty(len(xyz), dtype=np.float32)
-    for_chunks(
-        lambda start, stop: _rise(xyz, corner, cell, raster, heights, start, stop),
-        len(xyz),
-        _CHUNK,
-    )
-    return heights
+
+
+def _sheet_ground(
+    lowest: NDArray[np.float64],
+    rows: NDArray[np.int32],
+    place: NDArray[np.intp],
+    shape: NDArray[np.int64],
+    cell: float,
+) -> NDArray[np.float64]:
+    """Ground level of the sheet at a place, with one cell more on each side."""
+    first = place * SHEET
+    last = np.minimum(first + SHEET, shape)
+    low, high = np.maximum(first - MARGIN, 0), np.minimum(last + MARGIN, shape)
+    window = np.full(high - low, np.inf)
+    for x in range(low[0] // SHEET, (high[0] - 1) // SHEET + 1):
+        for y in range(low[1] // SHEET, (high[1] - 1) // SHEET + 1):
+            if rows[x, y] >= 0:
+                corner = np.array([x, y]) * SHEET
+                start = np.maximum(low, corner)
+                stop = np.minimum(high, corner + SHEET)
+                here, there = _box(start - low, stop - low), _box(start - corner, stop - corner)
+                window[here] = lowest[rows[x, y]][there]
+    raster = _ground_raster(window, cell)
+    # Beyond the scan's border the outermost cells go on.
+    start, stop = np.maximum(first - 1, low), np.minimum(last + 1, high)
+    before = start - (first - 1)
+    after = np.array(lowest.shape[1:]) + 2 - (stop - start) - before
+    inner = raster[_box(start - low, stop - low)]
+    padded: NDArray[np.float64] = np.pad(inner, np.column_stack([before, after]), mode="edge")
+    return padded
+
+
+def _box(start: NDArray[np.int64], stop: NDArray[np.int64]) -> tuple[slice, slice]:
+    """A rectangle of cells."""
+    return slice(start[0], stop[0]), slice(start[1], stop[1])
 
 
 @compiled
-def _extent(xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The corners of the points' rectangle in x and y, shape (2,) each; there is a point."""
-    low, high = xyz[0, :2].copy(), xyz[0, :2].copy()
+def _widen(xyz: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    """Widen a rectangle's corners in x and y, shape (2,) each, so that it holds some points."""
     for i in range(len(xyz)):
         for axis in range(2):
             low[axis] = min(low[axis], xyz[i, axis])
             high[axis] = max(high[axis], xyz[i, axis])
-    return low, high
+
+
+@compiled
+def _mark(
+    xyz: NDArray[np.float64], corner: NDArray[np.float64], cell: float, rows: NDArray[np.int32]
+) -> None:
+    """Mark the sheets that hold points, by a 0."""
+    for i in range(len(xyz)):
+        x = int(np.floor(xyz[i, 0] / cell) - corner[0])
+        y = int(np.floor(xyz[i, 1] / cell) - corner[1])
+        rows[x // SHEET, y // SHEET] = 0
 
 
 @compiled
 def _lower(
-    xyz: NDArray[np.float64], corner: NDArray[np.float64], cell: float, lowest: NDArray[np.float64]
+    xyz: NDArray[np.float64],
+    corner: NDArray[np.float64],
+    cell: float,
+    rows: NDArray[np.int32],
+    lowest: NDArray[np.float64],
 ) -> None:
-    """Lower each cell of a raster, which begins at `corner` (in cells), to its lowest point."""
+    """Lower each cell of the sheets' rasters to its lowest point."""
     for i in range(len(xyz)):
-        x, y = int(xyz[i, 0] / cell - corner[0]), int(xyz[i, 1] / cell - corner[1])
-        lowest[x, y] = min(lowest[x, y], xyz[i, 2])
+        x = int(np.floor(xyz[i, 0] / cell) - corner[0])
+        y = int(np.floor(xyz[i, 1] / cell) - corner[1])
+        row = rows[x // SHEET, y // SHEET]
+        lowest[row, x % SHEET, y % SHEET] = min(lowest[row, x % SHEET, y % SHEET], xyz[i, 2])
 
 
 @compiled
@@ -125,24 +212,26 @@ def _rise(
     xyz: NDArray[np.float64],
     corner: NDArray[np.float64],
     cell: float,
-    raster: NDArray[np.float64],
+    rows: NDArray[np.int32],
+    rasters: NDArray[np.float64],
     heights: NDArray[np.float32],
     start: int,
     stop: int,
 ) -> None:
-    """Heights of points start to stop above the raster.
+    """Heights of points start to stop.
 
     A cell's value stands at its middle; linear interpolation leaves no steps between cells.
     """
-    rows, columns = raster.shape
     for i in range(start, stop):
-        x = min(max(xyz[i, 0] / cell - corner[0] - 0.5, 0.0), rows - 1.0)
-        y = min(max(xyz[i, 1] / cell - corner[1] - 0.5, 0.0), columns - 1.0)
+        x, y = xyz[i, 0] / cell - corner[0], xyz[i, 1] / cell - corner[1]
+        sheet_x, sheet_y = int(np.floor(x)) // SHEET, int(np.floor(y)) // SHEET
+        raster = rasters[rows[sheet_x, sheet_y]]
+        # A sheet's first cell is the one before it, whose middle lies half a cell before it.
+        x, y = x - sheet_x * SHEET + 0.5, y - sheet_y * SHEET + 0.5
         row, column = int(x), int(y)
-        below, right = min(row + 1, rows - 1), min(column + 1, columns - 1)
         x, y = x - row, y - column
-        near = raster[row, column] * (1 - y) + raster[row, right] * y
-        far = raster[below, column] * (1 - y) + raster[below, right] * y
+        near = raster[row, column] * (1 - y) + raster[row, column + 1] * y
+        far = raster[row + 1, column] * (1 - y) + raster[row + 1, column + 1] * y
         heights[i] = xyz[i, 2] - (near * (1 - x) + far * x)
 
 

@@ -10,39 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.compiled import compiled
-from bushseg.parallel import for_chunks
 
 _CUBE_BITS = 6
-_CHUNK = 65_536
 _MIX = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: spreads consecutive numbers
 
 
 def empty_slots(num_rows: int) -> NDArray[np.int32]:
     """Slots for so many rows, all free; at most half of them will be taken."""
     return np.full(1 << max(_CUBE_BITS, (2 * num_rows - 1).bit_length()), -1, dtype=np.int32)
-
-
-class KeyIndex:
-    """Finds keys among others.
-
-    Args:
-        keys: Keys, unique and not negative, shape (N,), int64.
-    """
-
-    def __init__(self, keys: NDArray[np.int64]) -> None:
-        self._keys = keys
-        self._slots = empty_slots(len(keys))
-        place(self._slots, keys)
-
-    def find(self, keys: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Where each key stands, shape (M,), int32; -1 for one that isn't there or is negative."""
-        found = np.empty(len(keys), dtype=np.int32)
-        for_chunks(
-            lambda start, stop: _find(self._slots, self._keys, keys, found, start, stop),
-            len(keys),
-            _CHUNK,
-        )
-        return found
 
 
 @compiled
@@ -61,23 +36,3 @@ def place(slots: NDArray[np.int32], keys: NDArray[np.int64]) -> None:
     """Enter rows, whose keys are unique, into free slots."""
     for row in range(len(keys)):
         slots[slot_of(slots, keys, keys[row])] = row
-
-
-@compiled
-def _find(
-    slots: NDArray[np.int32],
-    keys: NDArray[np.int64],
-    wanted: NDArray[np.int64],
-    found: NDArray[np.int32],
-    start: int,
-    stop: int,
-) -> None:
-    """Look up keys start to stop."""
-    last, row = np.int64(-1), np.int32(-1)
-    for i in range(start, stop):
-        key = wanted[i]
-        if key != last:  # points that follow each other in a scan often share a voxel
-            last, row = key, np.int32(-1)
-            if key >= 0:
-                row = slots[slot_of(slots, keys, key)]
-        found[i] = row

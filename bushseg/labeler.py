@@ -61,7 +61,7 @@ def label_tiles(
     halo = card.prepare.halo if config.halo is None else config.halo
     stages = stages or Stages()
     with stages.timed("tiling"):
-        tiling = Tiling(scan.voxels.keys, config.tile_points, halo)
+        tiling = Tiling(scan.voxels.keys, config.tile_points, halo, scan.voxels.scratch)
     progress.start("labelling", len(scan.voxels), "voxels")
     for tile in tiling.tiles:
         data = cut_tile(scan, tiling, tile, card.prepare, stages)

@@ -68,7 +68,7 @@ def picture(
     colors: NDArray[Any] = np.concatenate(shades) if shades else height_colors(points)
     if color_by == "rgb":
         # Scaled only now: a dark chunk by itself may look like another range than the scan's.
-        colors = colors * (255 / full_scale(colors))
+        colors = colors * (255 / full_scale(float(colors.max(initial=0))))
     render(points, colors.astype(np.uint8), output, view=view)
 
 

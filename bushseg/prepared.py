@@ -90,7 +90,7 @@ def write_tiles(
         scan = read_voxels(reader, config.voxel_size, scheme, config.label_field, progress, stages)
     normals, distances = voxel_normals(scan, config.num_neighbors, stages)
     with stages.timed("tiling"):
-        tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo)
+        tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo, scan.voxels.scratch)
     progress.start(f"tiling {path.name}", len(tiling.tiles), "tiles")
     entries = []
     for number, tile in enumerate(tiling.tiles):

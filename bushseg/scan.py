@@ -1,20 +1,21 @@
 """A scan at voxel resolution: what prepare caches and predict labels both start here."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.codes import UnknownCodes
 from bushseg.errors import DataError
-from bushseg.features import normalize, source_columns, source_values
+from bushseg.features import Scaling, source_columns, source_values
 from bushseg.grid import VoxelGrid
-from bushseg.ground import height_above_ground
+from bushseg.ground import Ground
 from bushseg.io.base import ScanReader
 from bushseg.progress import SILENT, Progress
 from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
-from bushseg.subsample import GridSubsampler, Voxels
+from bushseg.subsample import MAX_VOXELS, GridSubsampler, Voxels
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,9 @@ def read_voxels(
     label_field: str | None = None,
     progress: Progress = SILENT,
     stages: Stages | None = None,
+    *,
+    folder: Path | None = None,
+    max_voxels: int = MAX_VOXELS,
 ) -> VoxelScan:
     """Stream a scan into voxels.
 
@@ -65,6 +69,8 @@ def read_voxels(
         label_field: Attribute that holds the codes; None takes the format's own, if it has one.
         progress: Told of the points read.
         stages: Told of the time that reading, sub-sampling and the ground take.
+        folder: A scratch folder for a scan of more than `max_voxels`; None holds all in memory.
+        max_voxels: How many voxels to hold in memory where there is such a folder.
 
     Returns:
         The scan's voxels. Labels are None where the scan has no label attribute.
@@ -72,6 +78,7 @@ def read_voxels(
     Raises:
         DataError: No point has finite coordinates, or `label_field` is no attribute of the scan.
         ReadError: The file is damaged.
+        WriteError: The scratch folder can't hold the voxels.
     """
     info, stages = reader.info, stages or Stages()
     field = _label_attribute(reader, label_field) if scheme is not None else None
@@ -89,7 +96,8 @@ def read_voxels(
                 num_early += len(chunk)
                 continue
             grid = VoxelGrid.around(anchor, voxel_size)
-            subsampler = GridSubsampler(grid, scheme.num_classes if scheme and field else None)
+            num_classes = scheme.num_classes if scheme and field else None
+            subsampler = GridSubsampler(grid, num_classes, folder, max_voxels)
         labels = None
         if scheme is not None and field is not None:
             encoded = scheme.encode(chunk.attributes[field])
@@ -103,10 +111,27 @@ def read_voxels(
     with stages.timed("sub-sample"):
         voxels = subsampler.finish()
     with stages.timed("ground and features"):
-        features = normalize(voxels.values, height_above_ground(voxels.xyz))
+        features = _features(voxels)
     sensor = None if info.sensor_position is None else info.sensor_position - voxels.grid.origin
     skipped = num_early + subsampler.num_outside
     return VoxelScan(voxels, features, sensor, num_points, skipped, unknown)
+
+
+def _features(voxels: Voxels) -> dict[str, NDArray[np.float32]]:
+    """What the network may be told of each voxel."""
+    scratch, size = voxels.scratch, len(voxels)
+    ground = Ground.below(voxels.xyz, scratch)
+    scaling = Scaling.of(voxels.values, scratch)
+    features = {
+        name: scratch.empty(name, (size, columns), np.float32)
+        for name, columns in scaling.features.items()
+    }
+    for rows in scratch.blocks(size):
+        values = {name: column[rows] for name, column in voxels.values.items()}
+        scaled = scaling.apply(values, ground.heights(voxels.xyz[rows]))
+        for name, columns in scaled.items():
+            features[name][rows] = columns
+    return features
 
 
 def _label_attribute(reader: ScanReader, label_field: str | None) -> str | None:

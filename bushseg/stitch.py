@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.compiled import compiled
-from bushseg.key_table import KeyIndex
 from bushseg.labeler import TilePrediction
 from bushseg.subsample import Voxels
 
@@ -28,7 +27,7 @@ class PointPredictions:
 
 
 class Stitcher:
-    """Collects the predictions of a scan's voxels.
+    """Collects the predictions of a scan's voxels, every one of which must be entered.
 
     Args:
         voxels: The scan's voxels.
@@ -36,13 +35,16 @@ class Stitcher:
     """
 
     def __init__(self, voxels: Voxels, bush_index: int | None) -> None:
-        self._grid, self._index = voxels.grid, KeyIndex(voxels.keys)
-        self._bush_index = bush_index
+        self._voxels, self._bush_index = voxels, bush_index
+        scratch = voxels.scratch
         # One row more: what a point without a voxel finds at index -1.
         size = len(voxels) + 1
-        self._labels = np.full(size, -1, dtype=np.int16)
-        self._confidence = np.zeros(size, dtype=np.float32)
-        self._bush = None if bush_index is None else np.zeros(size, dtype=np.float32)
+        self._labels = scratch.empty("predicted", (size,), np.int16)
+        self._confidence = scratch.empty("confidence", (size,), np.float32)
+        self._bush = None if bush_index is None else scratch.empty("bush", (size,), np.float32)
+        self._labels[-1], self._confidence[-1] = -1, 0
+        if self._bush is not None:
+            self._bush[-1] = 0
 
     def add(self, predictions: Iterable[TilePrediction]) -> None:
         """Enter the predictions of some tiles."""
@@ -57,16 +59,20 @@ class Stitcher:
         Args:
             xyz: Coordinates as the scan was read, shape (N, 3), float64.
         """
-        found = self._index.find(self._grid.keys(xyz))
-        return PointPredictions(
+        found = self._voxels.find(self._voxels.grid.keys(xyz))
+        predictions = PointPredictions(
             labels=self._labels[found],
             confidence=self._confidence[found],
             bush_probability=None if self._bush is None else self._bush[found],
         )
+        self._voxels.scratch.release()
+        return predictions
 
     def mean_confidence(self) -> float:
         """Mean confidence of all voxels, once they are entered."""
-        return float(self._confidence[:-1].mean(dtype=np.float64))
+        values, size = self._confidence, len(self._voxels)
+        parts = self._voxels.scratch.blocks(size)
+        return sum(float(values[rows].sum(dtype=np.float64)) for rows in parts) / size
 
 
 @compiled

@@ -1,21 +1,29 @@
 """Grid sub-sampling of a scan that arrives in chunks.
 
 Only voxels are held, never the raw points: each point is added to its voxel's sums, which a hash
-table finds by the voxel's key.
+table finds by the voxel's key. Where a scratch folder is given, only so many voxels are held either
+(:mod:`bushseg.voxel_runs`).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.compiled import compiled
 from bushseg.grid import OUTSIDE, VoxelGrid
-from bushseg.key_table import KeyIndex, empty_slots, place, slot_of
+from bushseg.key_search import find_sorted
 from bushseg.parallel import for_chunks
+from bushseg.scratch import Scratch
+from bushseg.voxel_runs import Runs
+from bushseg.voxel_sums import Sums, add_points, fill_means
 
+MAX_VOXELS = 1 << 21
+"""Voxels that are held in memory, where a scratch folder can take the others."""
+
+_NO_LIMIT = 1 << 31  # a table's slots hold int32
 _CHUNK = 32_768  # voxels a thread takes at a time
 
 
@@ -31,6 +39,7 @@ class Voxels:
         counts: Raw points in the voxel, shape (N,), int64.
         labels: Majority class index, -1 where no point is labelled, (N,) int16. A tie goes to the
             lower index, an unlabelled point has no vote. None where the scan has no labels.
+        scratch: Made these arrays, in memory or in files; what else has a row a voxel it makes too.
     """
 
     grid: VoxelGrid
@@ -39,22 +48,21 @@ class Voxels:
     values: dict[str, NDArray[np.float32]]
     counts: NDArray[np.int64]
     labels: NDArray[np.int16] | None = None
+    scratch: Scratch = field(default_factory=Scratch)
 
     def __len__(self) -> int:
         return len(self.keys)
 
-    def find(self, keys: NDArray[np.int64]) -> NDArray[np.int32]:
+    def find(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
         """The voxel of each key: the join from raw points back to voxels.
-
-        Whoever asks more than once keeps a :class:`bushseg.key_table.KeyIndex` of the keys.
 
         Args:
             keys: Morton keys, shape (M,), int64.
 
         Returns:
-            Index into the voxels, shape (M,), int32; -1 where no voxel has that key.
+            Index into the voxels, shape (M,), int64; -1 where no voxel has that key.
         """
-        return KeyIndex(self.keys).find(keys)
+        return find_sorted(self.keys, keys)
 
 
 class GridSubsampler:
@@ -63,15 +71,26 @@ class GridSubsampler:
     Args:
         grid: The grid.
         num_classes: How many classes `labels` may name; None where the scan has no labels.
+        folder: A scratch folder for voxels that are too many; None holds all in memory.
+        max_voxels: Voxels to hold in memory where there is such a folder.
     """
 
-    def __init__(self, grid: VoxelGrid, num_classes: int | None = None) -> None:
+    def __init__(
+        self,
+        grid: VoxelGrid,
+        num_classes: int | None = None,
+        folder: Path | None = None,
+        max_voxels: int = MAX_VOXELS,
+    ) -> None:
         self.grid = grid
         self.num_classes = num_classes
         self.num_outside = 0
         self._names: list[str] = []
-        self._sums: _Sums | None = None
+        self._sums: Sums | None = None
         self._num_voxels = 0
+        self._folder = folder
+        self._limit = _NO_LIMIT if folder is None else max_voxels
+        self._runs = Runs(Scratch(folder))
 
     def add(
         self,
@@ -86,6 +105,9 @@ class GridSubsampler:
                 out of reach) are counted in `num_outside` and left out.
             values: Attributes to average, name to (N,) float32; the same names each time.
             labels: Class indices, -1 for unlabelled, shape (N,); required with `num_classes`.
+
+        Raises:
+            WriteError: The scratch folder can't hold the voxels.
         """
         keys = self.grid.keys(xyz)
         self.num_outside += int(np.count_nonzero(keys == OUTSIDE))
@@ -97,154 +119,74 @@ class GridSubsampler:
             labels = np.empty(0, dtype=np.int16)
         if self._sums is None:
             # Memory is taken as it is used: most chunks have far fewer voxels than points.
-            self._sums = _Sums.of_size(max(1, len(keys)), len(columns), self.num_classes or 0)
+            size = min(max(1, len(keys)), self._limit)
+            self._sums = Sums.of_size(size, len(columns), self.num_classes or 0)
         points = np.ascontiguousarray(xyz), columns, np.ascontiguousarray(labels)
         done = 0
         while done < len(keys):
-            self._num_voxels, done = _add_points(
+            self._num_voxels, done = add_points(
                 self._sums, self._num_voxels, self.grid.origin, keys, *points, done
             )
             if done < len(keys):
-                self._sums = self._sums.doubled()
+                self._make_room(self._sums)
+
+    def _make_room(self, sums: Sums) -> None:
+        """For more voxels: a larger table, or an empty one."""
+        size = len(sums.keys)
+        if size < self._limit:
+            self._sums = sums.grown(min(2 * size, self._limit))
+        else:
+            self._runs.write(sums, self._num_voxels)
+            sums.slots.fill(-1)
+            self._num_voxels = 0
 
     def finish(self) -> Voxels:
-        """The voxels of all points counted in so far; none at all gives zero voxels."""
-        size, sums = self._num_voxels, self._sums
-        if sums is None or not size:
+        """The voxels of all points counted in so far; none at all gives zero voxels.
+
+        Raises:
+            WriteError: The scratch folder can't hold them.
+        """
+        sums, size = self._sums, self._num_voxels
+        self._sums = None  # a large table isn't needed any more
+        if sums is None or not (size or len(self._runs)):
             empty = np.empty(0, np.int64)
             return Voxels(self.grid, empty, np.empty((0, 3)), {}, empty, None)
-        order = np.argsort(sums.keys[:size])
-        xyz = np.empty((size, 3))
-        values = np.empty((len(self._names), size), dtype=np.float32)
-        labels = np.empty(size if self.num_classes is not None else 0, dtype=np.int16)
-        for_chunks(
-            lambda start, stop: _average(sums, order, xyz, values, labels, start, stop),
-            size,
-            _CHUNK,
+        if not len(self._runs):
+            table = Sums(sums.slots, *(column[:size] for column in sums.columns))
+            return self._averaged(Scratch(), size, [table])
+        self._runs.write(sums, size)
+        limit = len(sums.keys)
+        del sums
+        voxels = self._averaged(
+            Scratch(self._folder), self._runs.count_keys(limit), self._runs.ranges(limit)
         )
+        self._runs.remove()
+        return voxels
+
+    def _averaged(self, scratch: Scratch, size: int, parts: Iterable[Sums]) -> Voxels:
+        """Voxels from sums that come in parts, each of another range of keys, ascending."""
+        has_labels = self.num_classes is not None
+        keys = scratch.empty("keys", (size,), np.int64)
+        counts = scratch.empty("counts", (size,), np.int64)
+        xyz = scratch.empty("xyz", (size, 3), np.float64)
+        values = scratch.empty("values", (len(self._names), size), np.float32)
+        labels = scratch.empty("labels", (size if has_labels else 0,), np.int16)
+        done = 0
+        for sums in parts:
+            order = np.argsort(sums.keys, kind="stable")  # quick where parts of it are in order
+            ordered = sums.keys[order]
+            starts = np.append(np.flatnonzero(np.diff(ordered, prepend=-1)), len(ordered))
+            keys[done : done + len(starts) - 1] = ordered[starts[:-1]]
+            average = partial(fill_means, sums, order, starts, counts, xyz, values, labels, done)
+            for_chunks(average, len(starts) - 1, _CHUNK)
+            done += len(starts) - 1
+            scratch.release()
         return Voxels(
             grid=self.grid,
-            keys=sums.keys[order],
+            keys=keys,
             xyz=xyz,
             values=dict(zip(self._names, values, strict=True)),
-            counts=sums.counts[order],
-            labels=labels if self.num_classes is not None else None,
+            counts=counts,
+            labels=labels if has_labels else None,
+            scratch=scratch,
         )
-
-
-class _Sums(NamedTuple):
-    """Sums of each voxel, a row a voxel, in the order in which they were met.
-
-    Attributes:
-        slots: Which row a key has, see :mod:`bushseg.key_table`.
-        keys: Morton keys, shape (R,), int64; R is how many voxels there is room for.
-        counts: Points, shape (R,), int64.
-        positions: Sum of positions relative to the grid's origin, shape (R, 3), float64.
-        values: Sums of attributes, shape (R, V), float64.
-        votes: Points by class, shape (R, C), int32.
-    """
-
-    slots: NDArray[np.int32]
-    keys: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    values: NDArray[np.float64]
-    votes: NDArray[np.int32]
-
-    @classmethod
-    def of_size(cls, size: int, num_values: int, num_classes: int) -> Self:
-        """Room for so many voxels, and none of them there."""
-        return cls(
-            slots=empty_slots(size),
-            keys=np.empty(size, np.int64),
-            counts=np.empty(size, np.int64),
-            positions=np.empty((size, 3)),
-            values=np.empty((size, num_values)),
-            votes=np.empty((size, num_classes), np.int32),
-        )
-
-    def doubled(self) -> Self:
-        """The same voxels with room for as many more."""
-        size = len(self.keys)
-        room = self.of_size(2 * size, self.values.shape[1], self.votes.shape[1])
-        place(room.slots, self.keys)
-        room.keys[:size], room.counts[:size] = self.keys, self.counts
-        room.positions[:size], room.values[:size] = self.positions, self.values
-        room.votes[:size] = self.votes
-        return room
-
-
-@compiled
-def _add_points(
-    sums: _Sums,
-    num_voxels: int,
-    origin: NDArray[np.float64],
-    keys: NDArray[np.int64],
-    xyz: NDArray[np.float64],
-    values: NDArray[np.float32],
-    labels: NDArray[np.int16],
-    start: int,
-) -> tuple[int, int]:
-    """Add points from `start` on, until there is no room for a new voxel.
-
-    Args:
-        sums: What is added to.
-        num_voxels: Rows of it that are taken.
-        origin: The grid's, shape (3,), float64.
-        keys: Each point's voxel, shape (N,), int64; negative for none.
-        xyz: Coordinates, shape (N, 3), float64.
-        values: Attributes, shape (V, N), float32.
-        labels: Class indices, shape (N,) or, without labels, (0,), int16.
-        start: First point.
-
-    Returns:
-        Voxels there are now, and the first point that wasn't added.
-    """
-    last, row = np.int64(-1), 0
-    for i in range(start, len(keys)):
-        key = keys[i]
-        if key < 0:
-            continue
-        if key != last:  # points that follow each other in a scan often share a voxel
-            slot = slot_of(sums.slots, sums.keys, key)
-            row = sums.slots[slot]
-            if row < 0:
-                if num_voxels == len(sums.keys):
-                    return num_voxels, i
-                row, num_voxels = num_voxels, num_voxels + 1
-                sums.slots[slot], sums.keys[row], sums.counts[row] = row, key, 0
-                sums.positions[row], sums.values[row], sums.votes[row] = 0, 0, 0
-            last = key
-        sums.counts[row] += 1
-        for axis in range(3):
-            sums.positions[row, axis] += xyz[i, axis] - origin[axis]
-        for index in range(len(values)):
-            sums.values[row, index] += values[index, i]
-        if len(labels) and labels[i] >= 0:
-            sums.votes[row, labels[i]] += 1
-    return num_voxels, len(keys)
-
-
-@compiled
-def _average(
-    sums: _Sums,
-    order: NDArray[np.int64],
-    xyz: NDArray[np.float64],
-    values: NDArray[np.float32],
-    labels: NDArray[np.int16],
-    start: int,
-    stop: int,
-) -> None:
-    """Write means and majorities of voxels start to stop; the i-th voxel is row order[i]."""
-    for i in range(start, stop):
-        row = order[i]
-        count = sums.counts[row]
-        for axis in range(3):
-            xyz[i, axis] = sums.positions[row, axis] / count
-        for index in range(len(values)):
-            values[index, i] = sums.values[row, index] / count
-        if len(labels):
-            labels[i], most = -1, 0
-            for label in range(sums.votes.shape[1]):
-                if sums.votes[row, label] > most:
-                    labels[i], most = label, sums.votes[row, label]

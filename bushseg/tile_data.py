@@ -121,8 +121,11 @@ def cut_points(
     """
     indices, is_core = tiling.members(tile)
     xyz, origin = local_positions(scan.voxels.xyz, indices, scan.voxels.grid.voxel_size)
-    columns = _columns(scan, indices, is_core, origin)
-    return TileData(**columns, xyz=xyz, normals=normals[indices])
+    tile_data = TileData(
+        **_columns(scan, indices, is_core, origin), xyz=xyz, normals=normals[indices]
+    )
+    scan.voxels.scratch.release()
+    return tile_data
 
 
 def cut_tile(
@@ -149,6 +152,7 @@ def cut_tile(
         indices, is_core = tiling.members(tile)
         xyz, origin = local_positions(scan.voxels.xyz, indices, scan.voxels.grid.voxel_size)
         columns = _columns(scan, indices, is_core, origin)
+        scan.voxels.scratch.release()
     pyramid = _pyramid(xyz, columns["keys"], settings, stages)
     with stages.timed("normals"):
         sensor = None if scan.sensor is None else scan.sensor - origin

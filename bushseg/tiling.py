@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.compiled import compiled
 from bushseg.grid import BLOCK, BLOCK_BITS, decode_morton
+from bushseg.scratch import Scratch, blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,21 +38,35 @@ class Tiling:
         keys: Morton keys of the voxels, ascending, shape (N,), int64.
         tile_points: A core holds at most so many voxels, unless a single block holds more.
         halo: Context on each side, in voxels; rounded up to whole blocks.
+        scratch: Makes the index; None for memory.
     """
 
-    def __init__(self, keys: NDArray[np.int64], tile_points: int, halo: int) -> None:
+    def __init__(
+        self,
+        keys: NDArray[np.int64],
+        tile_points: int,
+        halo: int,
+        scratch: Scratch | None = None,
+    ) -> None:
         self.halo_blocks = -(-halo // BLOCK)
+        scratch = scratch or Scratch()
         # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
-        cubes = keys >> (3 * BLOCK_BITS)
-        starts = np.flatnonzero(np.diff(cubes, prepend=-1))
-        self._bounds = np.append(starts, len(keys))
-        self._columns = decode_morton(cubes[starts])[:, :2].astype(np.int64)
-        packed = self._columns[:, 0] << 32 | self._columns[:, 1]
-        _, first, block = np.unique(packed, return_index=True, return_inverse=True)
-        self._blocks = self._columns[first]
-        self._sizes = np.zeros(len(self._blocks), dtype=np.int64)
-        np.add.at(self._sizes, block, np.diff(self._bounds))
+        num_cubes, last = 0, -1
+        for rows in blocks(len(keys)):
+            num_cubes, last = num_cubes + _count_cubes(keys[rows], last), int(keys[rows][-1])
+        self._bounds = scratch.empty("cubes", (num_cubes + 1,), np.int64)
+        self._columns = scratch.empty("columns", (num_cubes, 2), np.int32)
+        done, last = 0, -1
+        for rows in blocks(len(keys)):
+            found = _list_cubes(keys[rows], last, rows.start, self._bounds[done:])
+            cubes = keys[self._bounds[done : done + found]] >> (3 * BLOCK_BITS)
+            self._columns[done : done + found] = decode_morton(cubes)[:, :2]
+            done, last = done + found, int(keys[rows][-1])
+            scratch.release()
+        self._bounds[done] = len(keys)
+        self._blocks, self._sizes = self._gather_blocks()
         self.tiles = [self._tile(members) for members in self._split(tile_points)]
+        scratch.release()
 
     def members(self, tile: Tile) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """The voxels of a tile's core and halo.
@@ -59,20 +75,24 @@ class Tiling:
             Indices into the voxels, ascending (so Morton order is kept), shape (M,), int64; and
             whether each lies in the core, shape (M,), bool.
         """
-        low = np.array(tile.low) - self.halo_blocks
-        high = np.array(tile.high) + self.halo_blocks
-        chosen = np.flatnonzero(self._within(low, high))
-        core = self._within(np.array(tile.low), np.array(tile.high))[chosen]
-        sizes = self._bounds[chosen + 1] - self._bounds[chosen]
-        ends = np.cumsum(sizes)
-        # Each cube's voxels count on from where they stand, not from where the cube before ended.
-        shifts = self._bounds[chosen] - (ends - sizes)
-        return np.arange(ends[-1]) + np.repeat(shifts, sizes), np.repeat(core, sizes)
+        low, high = np.array(tile.low), np.array(tile.high)
+        outer = np.concatenate([low - self.halo_blocks, high + self.halo_blocks])
+        size = _count_members(self._columns, self._bounds, outer)
+        indices, is_core = np.empty(size, np.int64), np.empty(size, np.bool_)
+        inner = np.concatenate([low, high])
+        _fill_members(self._columns, self._bounds, outer, inner, indices, is_core)
+        return indices, is_core
 
-    def _within(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which cubes stand in a rectangle of blocks, shape (cubes,)."""
-        x, y = self._columns.T
-        return (x >= low[0]) & (x < high[0]) & (y >= low[1]) & (y < high[1])
+    def _gather_blocks(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The blocks that hold voxels, shape (B, 2), and how many each holds, shape (B,)."""
+        columns, counts = np.empty(0, np.int64), np.empty(0, np.int64)
+        for rows in blocks(len(self._columns)):
+            part = self._columns[rows].astype(np.int64)
+            here = np.diff(self._bounds[rows.start : rows.stop + 1])
+            columns = np.concatenate([columns, part[:, 0] << 32 | part[:, 1]])
+            columns, block = np.unique(columns, return_inverse=True)
+            counts = np.bincount(block, np.concatenate([counts, here])).astype(np.int64)
+        return np.column_stack([columns >> 32, columns & 0xFFFFFFFF]), counts
 
     def _split(self, tile_points: int) -> Iterator[NDArray[np.int64]]:
         """Halve the set of blocks, longer side first, until each part is small enough."""
@@ -101,3 +121,63 @@ class Tiling:
         low, high = blocks.min(axis=0), blocks.max(axis=0) + 1
         num_points = int(self._sizes[members].sum())
         return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)
+
+
+@compiled
+def _count_cubes(keys: NDArray[np.int64], last: int) -> int:
+    """How many cubes begin among some keys; `last` is the key before them, or -1."""
+    count, cube = 0, last >> (3 * BLOCK_BITS)
+    for i in range(len(keys)):
+        count += keys[i] >> (3 * BLOCK_BITS) != cube
+        cube = keys[i] >> (3 * BLOCK_BITS)
+    return count
+
+
+@compiled
+def _list_cubes(keys: NDArray[np.int64], last: int, first: int, starts: NDArray[np.int64]) -> int:
+    """Note where cubes begin, counted from `first`; returns how many do."""
+    count, cube = 0, last >> (3 * BLOCK_BITS)
+    for i in range(len(keys)):
+        if keys[i] >> (3 * BLOCK_BITS) != cube:
+            cube = keys[i] >> (3 * BLOCK_BITS)
+            starts[count] = first + i
+            count += 1
+    return count
+
+
+@compiled
+def _within(columns: NDArray[np.int32], cube: int, box: NDArray[np.int64]) -> bool:
+    """Whether a cube stands in a rectangle: low x, low y, high x, high y."""
+    x, y = columns[cube, 0], columns[cube, 1]
+    return x >= box[0] and y >= box[1] and x < box[2] and y < box[3]
+
+
+@compiled
+def _count_members(
+    columns: NDArray[np.int32], bounds: NDArray[np.int64], box: NDArray[np.int64]
+) -> int:
+    """Voxels of the cubes in a rectangle."""
+    count = 0
+    for cube in range(len(columns)):
+        if _within(columns, cube, box):
+            count += bounds[cube + 1] - bounds[cube]
+    return count
+
+
+@compiled
+def _fill_members(
+    columns: NDArray[np.int32],
+    bounds: NDArray[np.int64],
+    outer: NDArray[np.int64],
+    inner: NDArray[np.int64],
+    indices: NDArray[np.int64],
+    is_core: NDArray[np.bool_],
+) -> None:
+    """List the voxels of the cubes in a rectangle, and which of them lie in another within it."""
+    count = 0
+    for cube in range(len(columns)):
+        if _within(columns, cube, outer):
+            core = _within(columns, cube, inner)
+            for voxel in range(bounds[cube], bounds[cube + 1]):
+                indices[count], is_core[count] = voxel, core
+                count += 1

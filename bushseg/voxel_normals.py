@@ -19,8 +19,8 @@ def voxel_normals(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Estimate the normals of a scan's voxels.
 
-    Done in large pieces, so that memory doesn't grow with the scan by more than the result. Around
-    a piece lie voxels to find neighbors among, which get their own normals in their own piece.
+    Done in large pieces, so that memory doesn't grow with the scan. Around a piece lie voxels to
+    find neighbors among, which get their own normals in their own piece.
 
     Args:
         scan: The scan's voxels.
@@ -32,10 +32,10 @@ def voxel_normals(
         (N,), float32.
     """
     voxels = scan.voxels
-    normals = np.empty((len(voxels), 3), dtype=np.float32)
-    distances = np.empty(len(voxels), dtype=np.float32)
+    normals = voxels.scratch.empty("normals", (len(voxels), 3), np.float32)
+    distances = voxels.scratch.empty("distances", (len(voxels),), np.float32)
     with stages.timed("tiling"):
-        tiling = Tiling(voxels.keys, _TILE_POINTS, _HALO)
+        tiling = Tiling(voxels.keys, _TILE_POINTS, _HALO, voxels.scratch)
     for tile in tiling.tiles:
         with stages.timed("tiling"):
             indices, is_core = tiling.members(tile)
@@ -47,4 +47,5 @@ def voxel_normals(
         with stages.timed("normals"):
             sensor = None if scan.sensor is None else scan.sensor - origin
             normals[core] = estimate_normals(xyz, neighbors, sensor)
+        voxels.scratch.release()
     return normals, distances

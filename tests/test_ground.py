@@ -1,6 +1,6 @@
 """Height above ground on made-up terrain whose every height is known."""
 
-import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from bushseg import ground
 from bushseg.ground import CELL, WINDOW, height_above_ground
+from bushseg.scratch import Scratch
 
 
 def terrain(seed: int, slope: float = 0.0, count: int = 20_000, edge: float = 60.0) -> np.ndarray:
@@ -75,34 +76,46 @@ def test_moving_the_scan_leaves_its_heights(shift: tuple[float, float, float]) -
     np.testing.assert_allclose(after, before, atol=1e-5)
 
 
-def test_a_point_far_away_does_not_blow_up_memory() -> None:
+def test_a_point_far_away_costs_a_sheet() -> None:
     scan = np.concatenate([terrain(6), [[10_000.0, 10_000.0, 0.0]]])
-    tracemalloc.start()
-    try:
-        height = height_above_ground(scan)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
+    height = height_above_ground(scan)
     np.testing.assert_allclose(height, 0, atol=1e-5)
-    assert peak < 16 * ground._MAX_CELLS * 8  # the raster at its largest, a few times over
+    found = ground.Ground.below(scan, Scratch())
+    assert len(found.rasters) == 2
+    assert found.cell == CELL
 
 
 @pytest.mark.parametrize("extent", [1e5, 2e8, 1e12])
-def test_the_raster_is_bounded_whatever_the_extent(
-    extent: float, monkeypatch: pytest.MonkeyPatch
+def test_the_raster_is_bounded_whatever_the_extent(extent: float) -> None:
+    xyz = np.array([[0.0, 0, 1], [extent, 1, 1], [2, extent, 1]])
+    found = ground.Ground.below(xyz, Scratch())
+    assert np.isfinite(found.heights(xyz)).all()
+    assert found.rasters.size < 2 * ground._MIN_CELLS
+    assert found.rows.size <= ground._MAX_SHEETS
+
+
+def test_a_raster_is_no_finer_than_its_points_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ground, "_MIN_CELLS", 1)
+    xyz = np.random.default_rng(0).random((500, 3)) * [400, 400, 1]
+    found = ground.Ground.below(xyz, Scratch())
+    assert found.cell == 8
+    assert found.rasters.size < 2 * 8 * len(xyz)
+
+
+@pytest.mark.parametrize("folder", [None, "scratch"])
+def test_sheets_fit_together(
+    folder: str | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(ground, "_MAX_CELLS", 10_000)
-    sizes: list[int] = []
-    opening = ndimage.grey_opening
-
-    def watched(raster: np.ndarray, **options: object) -> np.ndarray:
-        sizes.append(raster.size)
-        return opening(raster, **options)
-
-    monkeypatch.setattr(ndimage, "grey_opening", watched)
-    height = height_above_ground(np.array([[0.0, 0, 1], [extent, 1, 1], [2, extent, 1]]))
-    assert np.isfinite(height).all()
-    assert sizes[0] <= 10_000
+    scan = np.concatenate(
+        [terrain(8, 0.1, 60_000, 200.0), blob(9, (90, 70), 3, 9, 6), blob(1, (128, 20), 0, 2, 1)]
+    )
+    whole = height_above_ground(scan)
+    monkeypatch.setattr(ground, "SHEET", 64)
+    for loop in (ground._mark, ground._lower, ground._rise):  # they hold it as a constant
+        monkeypatch.setattr(ground, loop.__name__, loop.py_func)
+    sheets = ground.Ground.below(scan, Scratch(folder and tmp_path / folder))
+    assert sheets.rows.shape == (4, 4)
+    np.testing.assert_allclose(sheets.heights(scan), whole, atol=1e-9)
 
 
 @pytest.mark.parametrize(("count", "edge"), [(1, 1.0), (40, 5.0), (4_000, 30.0), (4_000, 0.5)])

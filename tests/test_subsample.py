@@ -1,12 +1,14 @@
 """Grid sub-sampling against five points by hand and against a plain loop."""
 
 from collections import Counter, defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bushseg import voxel_runs
 from bushseg.grid import VoxelGrid
 from bushseg.subsample import GridSubsampler, Voxels
 
@@ -20,10 +22,15 @@ point = st.tuples(
 )
 
 
-def run(rows: list[tuple[float, ...]], cuts: list[int]) -> tuple[Voxels, int]:
+def run(
+    rows: list[tuple[float, ...]],
+    cuts: list[int],
+    folder: Path | None = None,
+    max_voxels: int = 1,
+) -> tuple[Voxels, int]:
     """Sub-sample rows of x y z value label, cut into chunks."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    sampler = GridSubsampler(GRID, CLASSES)
+    sampler = GridSubsampler(GRID, CLASSES, folder, max_voxels)
     for part in np.split(table, cuts):
         values = {"intensity": part[:, 3].astype(np.float32)}
         sampler.add(part[:, :3], values, part[:, 4].astype(np.int16))
@@ -88,6 +95,24 @@ def test_chunks_give_what_the_whole_gives(chunk: int) -> None:
     for name in ("keys", "xyz", "counts", "labels"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
     np.testing.assert_array_equal(parts.values["intensity"], whole.values["intensity"])
+
+
+@pytest.mark.parametrize("max_voxels", [1, 3, 20, 3_000])
+def test_voxels_that_memory_can_not_hold(
+    max_voxels: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(voxel_runs, "_SAMPLE", 2)
+    rng = np.random.default_rng(max_voxels)
+    rows = np.column_stack(
+        [rng.integers(0, 40, (300, 3)) / 8, rng.integers(0, 255, 300), rng.integers(-1, 3, 300)]
+    )
+    whole, _ = run(rows.tolist(), [])
+    parts, _ = run(rows.tolist(), [7, 60, 200], tmp_path, max_voxels)
+    for name in ("keys", "xyz", "counts", "labels"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    np.testing.assert_array_equal(parts.values["intensity"], whole.values["intensity"])
+    assert not list(tmp_path.glob("run*"))
+    assert bool(list(tmp_path.iterdir())) == (len(whole) > max_voxels)
 
 
 @pytest.mark.parametrize(

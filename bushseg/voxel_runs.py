@@ -1,0 +1,92 @@
+"""Voxels of a scan that memory can't hold: sorted runs in files, merged in the end.
+
+Sub-sampling fills a table; when it is full its rows are sorted by key and written down as a run,
+and the table begins anew. A voxel whose points come in far apart parts of the file has a row in
+several runs. Merging takes all rows of one range of keys at a time, as many as the table held.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bushseg.scratch import Scratch
+from bushseg.voxel_sums import Sums
+
+_SAMPLE = 1024  # rows of a run from one sampled key to the next
+
+
+class Runs:
+    """Runs in a scratch folder.
+
+    Args:
+        scratch: Makes the arrays.
+    """
+
+    def __init__(self, scratch: Scratch) -> None:
+        self._scratch = scratch
+        self._runs: list[Sums] = []
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def write(self, sums: Sums, size: int) -> None:
+        """Write the first `size` rows of a table down as a run."""
+        order = np.argsort(sums.keys[:size])
+        columns = []
+        for name, column in zip(Sums._fields[1:], sums.columns, strict=True):
+            shape = (size, *column.shape[1:])
+            target = self._scratch.empty(f"run{len(self._runs)}.{name}", shape, column.dtype)
+            np.take(column, order, axis=0, out=target)
+            columns.append(target)
+        self._runs.append(Sums(np.empty(0, np.int32), *columns))
+        self._scratch.release()
+
+    def count_keys(self, max_rows: int) -> int:
+        """How many voxels there are; `max_rows` as in :meth:`ranges`."""
+        count = 0
+        for slices in self._slices(max_rows):
+            count += len(np.unique(self._rows("keys", slices)))
+            self._scratch.release()
+        return count
+
+    def ranges(self, max_rows: int) -> Iterator[Sums]:
+        """Yield the rows of all runs, range by range of keys, ascending.
+
+        Args:
+            max_rows: Rows to hold at a time; more where there are more than a thousand runs.
+
+        Yields:
+            The rows of one range; those of one run after the other, each ascending by key.
+        """
+        for slices in self._slices(max_rows):
+            columns = [self._rows(name, slices) for name in Sums._fields[1:]]
+            self._scratch.release()
+            yield Sums(np.empty(0, np.int32), *columns)
+
+    def remove(self) -> None:
+        """Delete the runs' files."""
+        self._runs = []
+        self._scratch.remove()
+
+    def _rows(self, name: str, slices: Sequence[slice]) -> NDArray[Any]:
+        """One column of some rows of each run, set end to end."""
+        parts = zip(self._runs, slices, strict=True)
+        return np.concatenate([getattr(run, name)[rows] for run, rows in parts])
+
+    def _slices(self, max_rows: int) -> Iterator[list[slice]]:
+        """For each range of keys the rows of each run."""
+        samples = np.sort(np.concatenate([run.keys[::_SAMPLE] for run in self._runs]))
+        self._scratch.release()
+        # From one bound to the next lie so many sampled steps, and of each run a part of one more.
+        step = max(1, max_rows // _SAMPLE - len(self._runs))
+        bounds = np.unique(samples[step::step])
+        places = [_places(run.keys, bounds) for run in self._runs]
+        for part in range(len(bounds) + 1):
+            yield [slice(place[part], place[part + 1]) for place in places]
+
+
+def _places(keys: NDArray[np.int64], bounds: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Where the ranges between bounds begin and end among sorted keys."""
+    return np.concatenate([[0], np.searchsorted(keys, bounds), [len(keys)]])

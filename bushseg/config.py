@@ -175,6 +175,9 @@ class PredictConfig(Section):
         description="How a CPU multiplies matrices; auto: in bfloat16 where the processor has "
         "units for it (about one label in a thousand differs), else in float32",
     )
+    scratch: Path | None = Field(
+        None, description="Folder for what memory can't hold; None: a hidden one beside the output"
+    )
     keep_classification: bool = Field(
         False, description="Leave LAS classification alone; write the added dimensions only"
     )

@@ -10,11 +10,10 @@ from bushseg.checkpoint import Model, ModelCard
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError
 from bushseg.inference import probabilities, tile_logits
-from bushseg.progress import SILENT, Progress
 from bushseg.scan import VoxelScan
 from bushseg.stages import Stages
 from bushseg.tile_data import cut_tile
-from bushseg.tiling import Tiling
+from bushseg.tiling import Tile, Tiling
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,20 +33,54 @@ class TilePrediction:
     neighbor_distance: float
 
 
-def label_tiles(
+def cut(model: Model, scan: VoxelScan, config: PredictConfig) -> Tiling:
+    """How a scan is cut for a model."""
+    halo = model.card.prepare.halo if config.halo is None else config.halo
+    return Tiling(scan.voxels.keys, config.tile_points, halo, scan.voxels.scratch)
+
+
+def label_tile(
     model: Model,
     scan: VoxelScan,
+    tiling: Tiling,
+    tile: Tile,
     config: PredictConfig,
-    progress: Progress = SILENT,
-    stages: Stages | None = None,
+    stages: Stages,
+) -> TilePrediction:
+    """Label one tile.
+
+    Args:
+        model: The model.
+        scan: The scan at the model's voxel size.
+        tiling: How it is cut.
+        tile: Which tile.
+        config: Precision.
+        stages: Told of the time that tiling, neighbors, normals and the network take.
+    """
+    card = model.card
+    data = cut_tile(scan, tiling, tile, card.prepare, stages)
+    with stages.timed("network"):
+        logits = tile_logits(
+            model.network, data, card.features, card.prepare.voxel_size, config.precision
+        )
+        found = probabilities(logits, card.temperature)
+    return TilePrediction(
+        indices=data.indices[data.is_core],
+        probabilities=found,
+        num_seen=len(data),
+        neighbor_distance=data.neighbor_distance(),
+    )
+
+
+def label_tiles(
+    model: Model, scan: VoxelScan, config: PredictConfig, stages: Stages | None = None
 ) -> Iterator[TilePrediction]:
     """Label a scan tile by tile; the cores cover every voxel exactly once.
 
     Args:
         model: The model.
         scan: The scan at the model's voxel size.
-        config: Tile size and halo.
-        progress: Told of the voxels labelled.
+        config: Tile size, halo and precision.
         stages: Told of the time that tiling, neighbors, normals and the network take.
 
     Yields:
@@ -57,26 +90,11 @@ def label_tiles(
         DataError: The scan lacks a feature that the model can't do without.
     """
     check_features(model.card, scan)
-    card = model.card
-    halo = card.prepare.halo if config.halo is None else config.halo
     stages = stages or Stages()
     with stages.timed("tiling"):
-        tiling = Tiling(scan.voxels.keys, config.tile_points, halo, scan.voxels.scratch)
-    progress.start("labelling", len(scan.voxels), "voxels")
+        tiling = cut(model, scan, config)
     for tile in tiling.tiles:
-        data = cut_tile(scan, tiling, tile, card.prepare, stages)
-        with stages.timed("network"):
-            logits = tile_logits(
-                model.network, data, card.features, card.prepare.voxel_size, config.precision
-            )
-            found = probabilities(logits, card.temperature)
-        yield TilePrediction(
-            indices=data.indices[data.is_core],
-            probabilities=found,
-            num_seen=len(data),
-            neighbor_distance=data.neighbor_distance(),
-        )
-        progress.advance(tile.num_points)
+        yield label_tile(model, scan, tiling, tile, config, stages)
 
 
 def check_features(card: ModelCard, scan: VoxelScan) -> None:

@@ -4,9 +4,11 @@ Two passes over the scan: the first streams it into voxels, which the network la
 the second streams it again, looks every point's voxel up, and writes it with all it had.
 """
 
+import secrets
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,21 +17,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bushseg import io
+from bushseg.bundled import file_hash
+from bushseg.cache import identity
 from bushseg.checkpoint import Model
 from bushseg.config import PredictConfig
 from bushseg.domain import domain_warnings
-from bushseg.errors import DataError
+from bushseg.errors import CacheError, DataError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.labeled_scan import write_labeled
-from bushseg.labeler import label_tiles
-from bushseg.model_choice import candidates, choose, suited_better
+from bushseg.labeler import cut, label_tiles
+from bushseg.model_choice import Candidate, candidates, choose, suited_better
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
-from bushseg.scan import mask_no_returns, read_voxels
+from bushseg.scan import VoxelScan, mask_no_returns, read_voxels
 from bushseg.stages import Stages
-from bushseg.stitch import Stitcher
+from bushseg.stored_scan import open_stored, store_scan
+from bushseg.tiling import Tiling
+from bushseg.voxel_labels import label_voxels
+from bushseg.workspace import workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,29 +128,23 @@ def predict_file(
         with stages.timed("load the model"):
             network = chosen.load()
         card = chosen.card
-        voxel_scan = read_voxels(kept, card.prepare.voxel_size, progress=progress, stages=stages)
-        with stages.timed("look up"):
-            stitcher = Stitcher(voxel_scan.voxels, card.scheme.bush_index)
-        seen, distances = 0, []
-        for tile in label_tiles(network, voxel_scan, config, progress, stages):
-            with stages.timed("look up"):
-                stitcher.add([tile])
-            seen += tile.num_seen
-            distances.append((tile.neighbor_distance, len(tile.indices)))
-        progress.start(f"writing {output.name}", reader.info.num_points, "points")
-        with stages.timed("write"), atomic_path(output) as partial:
-            counts, lost = write_labeled(
-                kept, partial, suffix, stitcher, card.scheme, config, progress, stages
+        with workspace(output, _identity(scan, chosen, config), config.scratch) as place:
+            voxel_scan, tiling = _voxels(kept, network, config, place, progress, stages)
+            labels = label_voxels(network, voxel_scan, tiling, config, place, progress, stages)
+            progress.start(f"writing {output.name}", reader.info.num_points, "points")
+            with stages.timed("write"), atomic_path(output) as partial:
+                counts, lost = write_labeled(
+                    kept, partial, suffix, labels.stitcher, card.scheme, config, progress, stages
+                )
+            warnings = domain_warnings(
+                card,
+                voxel_scan,
+                labels.neighbor_distance,
+                labels.stitcher.mean_confidence(),
+                reader.info.crs,
             )
     seconds = time.perf_counter() - begun
     num_points = int(counts.sum())
-    warnings = domain_warnings(
-        card,
-        voxel_scan,
-        _weighted_median(distances),
-        stitcher.mean_confidence(),
-        reader.info.crs,
-    )
     return PredictResult(
         input=scan,
         output=output,
@@ -153,7 +154,7 @@ def predict_file(
         class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
         num_unlabelled=int(counts[0]),
         num_voxels=len(voxel_scan.voxels),
-        passes=seen / len(voxel_scan.voxels),
+        passes=labels.num_seen / len(voxel_scan.voxels),
         seconds=seconds,
         stages=stages.seconds,
         points_per_second=num_points / seconds,
@@ -201,6 +202,38 @@ def predict(
     return labels[found], stitched[found]
 
 
+def _identity(scan: Path, chosen: Candidate, config: PredictConfig) -> dict[str, Any]:
+    """All that the labels of a scan's voxels follow from."""
+    # A model that is in memory alone has no name to know it by: what is done can't be taken up.
+    model = file_hash(chosen.source) if isinstance(chosen.source, Path) else secrets.token_hex()
+    settings = config.model_dump(mode="json", include={"tile_points", "halo", "precision"})
+    return {"scan": identity(scan), "model": model, "settings": settings}
+
+
+def _voxels(
+    kept: KeptReader,
+    model: Model,
+    config: PredictConfig,
+    place: Path,
+    progress: Progress,
+    stages: Stages,
+) -> tuple[VoxelScan, Tiling]:
+    """A scan's voxels and tiles: those that an earlier run left, or new ones.
+
+    Voxels that memory can hold are read again instead: that takes less time than a tile.
+    """
+    with suppress(CacheError):
+        return open_stored(place)
+    scan = read_voxels(
+        kept, model.card.prepare.voxel_size, progress=progress, stages=stages, folder=place
+    )
+    with stages.timed("tiling"):
+        tiling = cut(model, scan, config)
+        if scan.voxels.scratch.folder is not None:
+            store_scan(scan, tiling)
+    return scan, tiling
+
+
 def peak_memory() -> int | None:
     """The largest resident size this process has had, in bytes; None where unknown."""
     try:
@@ -216,10 +249,3 @@ def _cloud(points: ArrayLike, attributes: Mapping[str, NDArray[Any]]) -> PointCl
     if xyz.ndim != 2 or xyz.shape[1] != 3 or not len(xyz):
         raise DataError(f"the points have shape {xyz.shape}; expected (N, 3) with N >= 1")
     return PointCloud(xyz, {name: np.asarray(column) for name, column in attributes.items()})
-
-
-def _weighted_median(values: list[tuple[float, int]]) -> float:
-    """Median of values that stand for so many points each."""
-    ordered = sorted(values)
-    running = np.cumsum([weight for _, weight in ordered])
-    return ordered[int(np.searchsorted(running, running[-1] / 2))][0]

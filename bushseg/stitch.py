@@ -1,14 +1,12 @@
 """Tile predictions become one answer per voxel, and voxels give it to their raw points."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.compiled import compiled
-from bushseg.labeler import TilePrediction
 from bushseg.subsample import Voxels
+from bushseg.tile_labels import TileLabels
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +33,7 @@ class Stitcher:
     """
 
     def __init__(self, voxels: Voxels, bush_index: int | None) -> None:
-        self._voxels, self._bush_index = voxels, bush_index
+        self._voxels = voxels
         scratch = voxels.scratch
         # One row more: what a point without a voxel finds at index -1.
         size = len(voxels) + 1
@@ -46,12 +44,12 @@ class Stitcher:
         if self._bush is not None:
             self._bush[-1] = 0
 
-    def add(self, predictions: Iterable[TilePrediction]) -> None:
-        """Enter the predictions of some tiles."""
-        for tile in predictions:
-            _enter(tile.indices, tile.probabilities, self._labels, self._confidence)
-            if self._bush is not None:
-                self._bush[tile.indices] = tile.probabilities[:, self._bush_index]
+    def add(self, indices: NDArray[np.int64], tile: TileLabels) -> None:
+        """Enter the labels of a tile's core, whose voxels have these indices."""
+        self._labels[indices], self._confidence[indices] = tile.labels, tile.confidence
+        if self._bush is not None and tile.bush is not None:
+            self._bush[indices] = tile.bush
+        self._voxels.scratch.release()
 
     def at(self, xyz: NDArray[np.float64]) -> PointPredictions:
         """The predictions of raw points, through the keys of their voxels.
@@ -73,19 +71,3 @@ class Stitcher:
         values, size = self._confidence, len(self._voxels)
         parts = self._voxels.scratch.blocks(size)
         return sum(float(values[rows].sum(dtype=np.float64)) for rows in parts) / size
-
-
-@compiled
-def _enter(
-    indices: NDArray[np.int64],
-    probabilities: NDArray[np.float32],
-    labels: NDArray[np.int16],
-    confidence: NDArray[np.float32],
-) -> None:
-    """Enter the likeliest class of some voxels and its probability; of equal ones the first."""
-    for i in range(len(indices)):
-        best = 0
-        for label in range(1, probabilities.shape[1]):
-            if probabilities[i, label] > probabilities[i, best]:
-                best = label
-        labels[indices[i]], confidence[indices[i]] = best, probabilities[i, best]

@@ -7,6 +7,7 @@ in the core of exactly one tile; the halo lends a tile's border the neighbors it
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from bushseg.compiled import compiled
 from bushseg.grid import BLOCK, BLOCK_BITS, decode_morton
 from bushseg.scratch import Scratch, blocks
+
+_CUBES, _COLUMNS = "cubes", "columns"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +51,14 @@ class Tiling:
         halo: int,
         scratch: Scratch | None = None,
     ) -> None:
-        self.halo_blocks = -(-halo // BLOCK)
         scratch = scratch or Scratch()
+        self.halo_blocks = -(-halo // BLOCK)
         # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
         num_cubes, last = 0, -1
         for rows in blocks(len(keys)):
             num_cubes, last = num_cubes + _count_cubes(keys[rows], last), int(keys[rows][-1])
-        self._bounds = scratch.empty("cubes", (num_cubes + 1,), np.int64)
-        self._columns = scratch.empty("columns", (num_cubes, 2), np.int32)
+        self._bounds = scratch.empty(_CUBES, (num_cubes + 1,), np.int64)
+        self._columns = scratch.empty(_COLUMNS, (num_cubes, 2), np.int32)
         done, last = 0, -1
         for rows in blocks(len(keys)):
             found = _list_cubes(keys[rows], last, rows.start, self._bounds[done:])
@@ -64,9 +67,32 @@ class Tiling:
             done, last = done + found, int(keys[rows][-1])
             scratch.release()
         self._bounds[done] = len(keys)
-        self._blocks, self._sizes = self._gather_blocks()
-        self.tiles = [self._tile(members) for members in self._split(tile_points)]
+        columns, sizes = self._gather_blocks()
+        self.tiles = [_tile(columns, sizes, part) for part in _split(columns, sizes, tile_points)]
         scratch.release()
+
+    @classmethod
+    def opened(cls, tiles: list[Tile], halo_blocks: int, num_cubes: int, scratch: Scratch) -> Self:
+        """A tiling whose index stands in a scratch folder already.
+
+        Raises:
+            CacheError: It doesn't.
+        """
+        tiling = cls.__new__(cls)
+        tiling.tiles, tiling.halo_blocks = tiles, halo_blocks
+        tiling._bounds = scratch.open(_CUBES, (num_cubes + 1,), np.int64)
+        tiling._columns = scratch.open(_COLUMNS, (num_cubes, 2), np.int32)
+        return tiling
+
+    @property
+    def num_cubes(self) -> int:
+        """Cubes of 16 voxels' edge that hold any."""
+        return len(self._columns)
+
+    def core(self, tile: Tile) -> NDArray[np.int64]:
+        """The voxels of a tile's core, as :meth:`members` has them."""
+        box = np.array([*tile.low, *tile.high])
+        return self._members(box, box)[0]
 
     def members(self, tile: Tile) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """The voxels of a tile's core and halo.
@@ -75,11 +101,16 @@ class Tiling:
             Indices into the voxels, ascending (so Morton order is kept), shape (M,), int64; and
             whether each lies in the core, shape (M,), bool.
         """
-        low, high = np.array(tile.low), np.array(tile.high)
-        outer = np.concatenate([low - self.halo_blocks, high + self.halo_blocks])
+        inner = np.array([*tile.low, *tile.high])
+        reach = self.halo_blocks * np.array([-1, -1, 1, 1])
+        return self._members(inner + reach, inner)
+
+    def _members(
+        self, outer: NDArray[np.int64], inner: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """The voxels in a rectangle of blocks, and which of them lie in another within it."""
         size = _count_members(self._columns, self._bounds, outer)
         indices, is_core = np.empty(size, np.int64), np.empty(size, np.bool_)
-        inner = np.concatenate([low, high])
         _fill_members(self._columns, self._bounds, outer, inner, indices, is_core)
         return indices, is_core
 
@@ -94,33 +125,36 @@ class Tiling:
             counts = np.bincount(block, np.concatenate([counts, here])).astype(np.int64)
         return np.column_stack([columns >> 32, columns & 0xFFFFFFFF]), counts
 
-    def _split(self, tile_points: int) -> Iterator[NDArray[np.int64]]:
-        """Halve the set of blocks, longer side first, until each part is small enough."""
-        sizes = self._sizes
-        pending = [np.arange(len(self._blocks))]
-        while pending:
-            members = pending.pop()
-            if not len(members):
-                continue
-            blocks = self._blocks[members]
-            extent = np.ptp(blocks, axis=0)
-            if sizes[members].sum() <= tile_points or not extent.any():
-                yield members
-                continue
-            axis = int(extent.argmax())
-            order = np.argsort(blocks[:, axis], kind="stable")
-            running = np.cumsum(sizes[members[order]])
-            middle = blocks[order[np.searchsorted(running, running[-1] / 2)], axis]
-            # The cut lies beside the middle row; both sides must keep at least one row.
-            cut = min(max(int(middle) + 1, blocks[:, axis].min() + 1), blocks[:, axis].max())
-            below = blocks[:, axis] < cut
-            pending += [members[~below], members[below]]
 
-    def _tile(self, members: NDArray[np.int64]) -> Tile:
-        blocks = self._blocks[members]
-        low, high = blocks.min(axis=0), blocks.max(axis=0) + 1
-        num_points = int(self._sizes[members].sum())
-        return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)
+def _split(
+    columns: NDArray[np.int64], sizes: NDArray[np.int64], tile_points: int
+) -> Iterator[NDArray[np.int64]]:
+    """Halve a set of blocks, longer side first, until each part is small enough."""
+    pending = [np.arange(len(columns))]
+    while pending:
+        members = pending.pop()
+        if not len(members):
+            continue
+        places = columns[members]
+        extent = np.ptp(places, axis=0)
+        if sizes[members].sum() <= tile_points or not extent.any():
+            yield members
+            continue
+        axis = int(extent.argmax())
+        order = np.argsort(places[:, axis], kind="stable")
+        running = np.cumsum(sizes[members[order]])
+        middle = places[order[np.searchsorted(running, running[-1] / 2)], axis]
+        # The cut lies beside the middle row; both sides must keep at least one row.
+        cut = min(max(int(middle) + 1, places[:, axis].min() + 1), places[:, axis].max())
+        below = places[:, axis] < cut
+        pending += [members[~below], members[below]]
+
+
+def _tile(columns: NDArray[np.int64], sizes: NDArray[np.int64], members: NDArray[np.int64]) -> Tile:
+    """The tile of some blocks."""
+    low, high = columns[members].min(axis=0), columns[members].max(axis=0) + 1
+    num_points = int(sizes[members].sum())
+    return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)
 
 
 @compiled

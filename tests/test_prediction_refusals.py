@@ -137,14 +137,15 @@ def test_a_scan_that_grows_meanwhile(height_model, new_scene, tmp_path, monkeypa
 
     path = tmp_path / "scan.xyz"
     np.savetxt(path, new_scene(0, 300).xyz, fmt="%.3f")
-    honest = prediction.label_tiles
+    honest = prediction.label_voxels
 
     def meddle(*args):
-        yield from honest(*args)
+        labels = honest(*args)
         with path.open("a") as file:
             file.write("1 2 3\n")
+        return labels
 
-    monkeypatch.setattr(prediction, "label_tiles", meddle)
+    monkeypatch.setattr(prediction, "label_voxels", meddle)
     # A scan this small is written as it was read.
     assert predict_file(path, tmp_path / "out.ply", height_model).num_points == 300
     monkeypatch.setattr(kept, "KEPT_BYTES", 0)

@@ -1,28 +1,34 @@
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from bushseg.grid import VoxelGrid
 from bushseg.labeler import TilePrediction
 from bushseg.stitch import Stitcher
 from bushseg.subsample import GridSubsampler
+from bushseg.tile_labels import TileLabels
 
 XYZ = np.array([[0.0, 0, 0], [0.05, 0, 0], [5, 5, 5], [np.nan, 0, 0]])
 
 
-def make_stitcher(bush_index: int | None) -> Stitcher:
-    subsampler = GridSubsampler(VoxelGrid.around(XYZ[0], 1.0))
+def make_stitcher(bush_index: int | None, folder: Path | None = None) -> Stitcher:
+    subsampler = GridSubsampler(VoxelGrid.around(XYZ[0], 1.0), None, folder, 1)
     subsampler.add(XYZ, {})
     voxels = subsampler.finish()
     assert len(voxels) == 2
     stitcher = Stitcher(voxels, bush_index)
-    first, second = voxels.find(voxels.grid.keys(XYZ[[0, 2]]))
-    for index, row in ((first, [0.1, 0.7, 0.2]), (second, [0.5, 0.2, 0.3])):
-        probabilities = np.array([row], dtype=np.float32)
-        stitcher.add([TilePrediction(np.array([index]), probabilities, 2, 0.1)])
+    for point, row in ((0, [0.1, 0.7, 0.2]), (2, [0.5, 0.2, 0.3])):
+        indices = voxels.find(voxels.grid.keys(XYZ[[point]]))
+        tile = TilePrediction(indices, np.array([row], dtype=np.float32), 2, 0.1)
+        stitcher.add(indices, TileLabels.of(tile, bush_index))
+    assert stitcher.mean_confidence() == pytest.approx(0.6)
     return stitcher
 
 
-def test_points_get_what_their_voxel_got():
-    found = make_stitcher(2).at(XYZ)
+@pytest.mark.parametrize("folder", [None, "scratch"])
+def test_points_get_what_their_voxel_got(folder, tmp_path):
+    found = make_stitcher(2, folder and tmp_path / folder).at(XYZ)
     assert found.labels.tolist() == [1, 1, 0, -1]
     np.testing.assert_allclose(found.confidence, [0.7, 0.7, 0.5, 0])
     np.testing.assert_allclose(found.bush_probability, [0.2, 0.2, 0.3, 0])

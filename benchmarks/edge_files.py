@@ -2,10 +2,11 @@
 
     python benchmarks/edge_files.py FOLDER...
 
-Each file is read twice, by bushseg and by a library that isn't ours (`independent.py`), each time
-in a process of its own with 2 GB of address space (RLIMIT_AS) and 20 seconds. Where both read it,
-the number of points, the coordinates and all attributes of the same name must agree. Prints a
-Markdown table; exits with 1 if a file crashed bushseg, hung it, or was read as something else.
+Each file is read twice, by bushseg's readers and by those `bushseg verify` has, which share nothing
+with them, each time in a process of its own with 2 GB of address space (RLIMIT_AS) and 20 seconds.
+Where both read it, the number of points, the coordinates and all attributes of the same name must
+agree. Prints a Markdown table; exits with 1 if a file crashed bushseg, hung it, or was read as
+something else.
 """
 
 import argparse
@@ -19,10 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from independent import Columns, read_columns
 
 from bushseg import io
 from bushseg.errors import ReadError
+from bushseg.verification.libraries import read_columns
+from bushseg.verification.rows import Columns
 
 MEMORY = 2 << 30
 SECONDS = 20

@@ -3,7 +3,7 @@
     python benchmarks/predict_real.py --model runs/NAME ../shared/data
 
 Prints a Markdown table: points, time, peak memory, what the program warns of, and whether the
-output holds all that the scan held (`fidelity.py`). Exits with 1 where it doesn't.
+output holds all that the scan held (`bushseg verify`). Exits with 1 where it doesn't.
 """
 
 import argparse
@@ -14,10 +14,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from fidelity import differences
-
 from bushseg.checkpoint import load_model
 from bushseg.runs import find_model
+from bushseg.verification import verify
 
 # Each scan and the suffixes it is written with.
 SCANS = {
@@ -56,7 +55,7 @@ def main() -> None:
                     bad = True
                     print(f"| {name} | {suffix} | - | - | - | - | failed: {result} | - |")
                     continue
-                wrong = differences(scan, output, scheme)
+                wrong = verify(scan, output, scheme).differences
             bad = bad or bool(wrong)
             print(
                 f"| {name} | {suffix} | {result['num_points']:,} | {result['seconds']:.1f} "

@@ -1,12 +1,8 @@
-"""Real scans of seven kinds, labelled, and compared with their labelled copies by other libraries.
+"""Real scans of seven kinds, labelled, and compared with their labelled copies by `verify`.
 
-The comparison is the benchmarks' own (`benchmarks/fidelity.py`); the first tests prove, on files
-made here, that it notices what it is there to notice.
+What it notices is tested in `verification/`.
 """
 
-import importlib
-import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import laspy
@@ -18,6 +14,7 @@ from bushseg.checkpoint import Model, ModelCard, build_network, load_model, save
 from bushseg.config import NetworkConfig, PredictConfig, PrepareConfig
 from bushseg.labels import SCHEMES
 from bushseg.prediction import predict_file
+from bushseg.verification import verify
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "data"
@@ -25,16 +22,6 @@ BUSH = SCHEMES["bush"]
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning:laspy")
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no real scans at {DATA}")
-
-Differences = Callable[[Path, Path], list[str]]
-
-
-@pytest.fixture(scope="module")
-def differences() -> Differences:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "benchmarks")
-        module = importlib.import_module("fidelity")
-    return lambda source, output: module.differences(source, output, BUSH)
 
 
 @pytest.fixture(scope="module")
@@ -71,13 +58,11 @@ def random_model(tmp_path_factory: pytest.TempPathFactory) -> Model:
         ("edge/rlas/inst__extdata__extra_byte.laz", "out.laz"),
     ],
 )
-def test_nothing_is_lost(
-    name: str, output: str, random_model: Model, differences: Differences, tmp_path: Path
-) -> None:
+def test_nothing_is_lost(name: str, output: str, random_model: Model, tmp_path: Path) -> None:
     source, target = DATA / name, tmp_path / output
     result = predict_file(source, target, random_model)
     assert sum(result.class_counts.values()) + result.num_unlabelled == result.num_points
-    assert differences(source, target) == []
+    assert verify(source, target, BUSH).differences == ()
 
 
 @real
@@ -109,65 +94,3 @@ def test_a_legacy_format_keeps_all_classes_in_class_index(
     assert (np.asarray(las.classification) == 1).all()
     (warning,) = [line for line in result.warnings if "LAS point formats" in line]
     assert "vehicle_person (65)" in warning
-
-
-@pytest.fixture
-def pair(random_model: Model, tmp_path: Path) -> tuple[Path, Path]:
-    """A made-up LAS file with a VLR and an extra dimension, and its labelled copy."""
-    rng = np.random.default_rng(1)
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales = [0.01] * 3
-    header.vlrs.append(laspy.VLR("someone", 3, "", b"payload"))
-    header.add_extra_dim(laspy.ExtraBytesParams("height", "f4"))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = rng.uniform(0, 20, (3, 300))
-    las.intensity = rng.integers(0, 65535, 300)
-    las["height"][:] = rng.random(300)
-    source, target = tmp_path / "source.las", tmp_path / "target.las"
-    las.write(str(source))
-    predict_file(source, target, random_model)
-    return source, target
-
-
-def test_a_faithful_copy_shows_no_difference(
-    pair: tuple[Path, Path], differences: Differences
-) -> None:
-    assert differences(*pair) == []
-
-
-@pytest.mark.parametrize(
-    ("place", "expected"),
-    [
-        ("GUID", "header: GUID"),
-        ("scale", "header: scales and offsets"),
-        ("count", "header: counts"),
-        ("bounds", "header: bounds"),
-        ("vlr", "VLR someone 3"),
-        ("intensity", "field intensity of 1 points"),
-        ("height", "field height of 1 points"),
-        ("classification", "class codes that contradict class_index"),
-        ("class_index", "class_index beyond the scheme's classes"),
-        ("confidence", "confidence outside 0 to 1"),
-    ],
-)
-def test_a_single_changed_byte_shows(
-    place: str, expected: str, pair: tuple[Path, Path], differences: Differences
-) -> None:
-    source, target = pair
-    raw = bytearray(target.read_bytes())
-    (points,) = struct.unpack_from("<I", raw, 96)
-    at = {
-        "GUID": 8,
-        "scale": 131,
-        "count": 255,  # points of the first return
-        "bounds": 185,
-        "vlr": raw.index(b"payload"),
-        "intensity": points + 12,
-        "classification": points + 16,
-        "height": points + 30,
-        "class_index": points + 34,
-        "confidence": points + 38,  # a float's exponent
-    }[place]
-    raw[at] ^= 0x7F
-    target.write_bytes(raw)
-    assert expected in differences(source, target)

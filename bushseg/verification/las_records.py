@@ -33,7 +33,7 @@ class _Field:
 
 
 @dataclass(slots=True)
-class _Tally:
+class Tally:
     """What the header must say of the points."""
 
     returns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(16, np.int64))
@@ -41,6 +41,7 @@ class _Tally:
     high: NDArray[np.int64] = field(default_factory=lambda: np.full(3, -(2**40)))
 
     def add(self, raw: Raw, *, modern: bool) -> None:
+        """Count one chunk; `modern` are formats 6 to 10."""
         steps = np.ascontiguousarray(raw[:, :12]).view("<i4")
         self.low = np.minimum(self.low, steps.min(axis=0))
         self.high = np.maximum(self.high, steps.max(axis=0))
@@ -78,7 +79,7 @@ def compare_points(
     for extra in labels.values():
         fixed[extra.start : min(extra.start + extra.size, length)] = False
     fields = _fields(before, extras)
-    tally = _Tally()
+    tally = Tally()
     size = chunk_points(before, after)
     num_seen = 0
     progress.start(f"comparing {after.path.name}", before.num_points, "points")
@@ -101,11 +102,20 @@ def compare_points(
         if each.count:
             more = f"{each.count:,} of {num_seen:,} points differ"
             findings.differs("point records", f"{each.first} ({more})")
-    _compare_counts(before, after, tally, findings)
+    compare_counts(before, after, tally, findings)
 
 
-def _compare_counts(before: Container, after: Container, tally: _Tally, findings: Findings) -> None:
-    """The counts and bounds in the copy's header against its points."""
+def compare_counts(
+    before: Container | None, after: Container, tally: Tally, findings: Findings
+) -> None:
+    """The counts and bounds in a header against its points.
+
+    Args:
+        before: The scan it was copied from, whose own bounds may stay; None if it was converted.
+        after: Whose header it is.
+        tally: What the points make.
+        findings: Told.
+    """
     name = "counts and bounds"
     returns = tally.returns[1:].tolist()
     num_points = after.num_points
@@ -124,11 +134,13 @@ def _compare_counts(before: Container, after: Container, tally: _Tally, findings
     offsets = np.array(struct.unpack_from("<3d", after.header, 155))
     ends = np.stack([tally.low, tally.high]) * scales + offsets
     made_bounds = np.stack([ends.max(axis=0), ends.min(axis=0)], axis=1).ravel()
-    old, new = (np.array(struct.unpack_from("<6d", c.header, 179)) for c in (before, after))
-    # The scan's own figures stay where they are right to half a step.
-    fine = (new == made_bounds) | (
-        (new == old) & (np.abs(new - made_bounds) <= np.repeat(np.abs(scales), 2) / 2)
+    old, new = (
+        np.array(struct.unpack_from("<6d", c.header, 179)) for c in (before or after, after)
     )
+    # The scan's own figures stay where they are right to half a step.
+    fine = new == made_bounds
+    if before is not None:
+        fine |= (new == old) & (np.abs(new - made_bounds) <= np.repeat(np.abs(scales), 2) / 2)
     for index in np.flatnonzero(~fine):
         side = f"{'max' if index % 2 == 0 else 'min'} {'xyz'[index // 2]}"
         findings.differs(name, f"{side} {new[index]!s}, the points make {made_bounds[index]!s}")

@@ -7,12 +7,15 @@ from bushseg.progress import SILENT, Progress
 from bushseg.scheme import ClassScheme
 from bushseg.verification.label_values import LabelValues
 from bushseg.verification.las_container import read_container
+from bushseg.verification.las_converted import compare_converted
 from bushseg.verification.las_copy import check_ends, compare_headers, compare_records
 from bushseg.verification.las_extras import label_columns, read_extras
 from bushseg.verification.las_records import compare_points
 from bushseg.verification.result import Findings, VerifyResult
+from bushseg.verification.table_copy import compare_codes, compare_table
 
 LAS_SUFFIXES = (".las", ".laz")
+CODE_SUFFIXES = (".label", ".labels")
 
 
 def verify(
@@ -30,6 +33,9 @@ def verify(
     records, a COPC index, where things stand in the file, and counts and bounds, which are held
     against the points instead.
 
+    To LAS from another format, coordinates must agree to half a step and every attribute be there;
+    to a table, every column; to a file of labels, their number and codes.
+
     Args:
         input: The scan.
         output: What was made of it.
@@ -46,17 +52,23 @@ def verify(
     for path in (source, copy):
         if not path.is_file():
             raise ReadError(path, "no such file", "an existing one; check the spelling")
-    for path in (source, copy):
-        if path.suffix.lower() not in LAS_SUFFIXES:
-            raise ReadError(path, f"a {path.suffix} file", ".las or .laz, which verify compares")
     findings = Findings()
     values = LabelValues(None if scheme is None else scheme.num_classes)
     try:
-        _compare_las(source, copy, values, findings, progress)
+        if copy.suffix.lower() in CODE_SUFFIXES:
+            compare_codes(source, copy, scheme, findings, progress)
+        elif copy.suffix.lower() not in LAS_SUFFIXES:
+            compare_table(source, copy, values, findings, progress)
+        elif source.suffix.lower() in LAS_SUFFIXES:
+            _compare_las(source, copy, values, findings, progress)
+        else:
+            compare_converted(source, copy, values, findings, progress)
     except ReadError as error:
         if error.path != copy:
             raise
         findings.differs("file", f"{error.found}; expected {error.expected}")
+    except (ValueError, KeyError, TypeError) as error:  # what NumPy and laspy say of damage
+        findings.differs("file", f"can't be compared: {error}")
     return findings.result(source, copy)
 
 

@@ -5,7 +5,7 @@ PIP := $(VENV)/bin/pip install -q -c constraints.txt
 BUSHSEG := $(VENV)/bin/bushseg
 DEMO := demo
 
-.PHONY: run test test-slow model clean
+.PHONY: run test test-slow test-pdal model clean
 
 # The whole path, on sites that are made up on the spot; the last one is not trained on.
 run: $(VENV)/.installed
@@ -28,10 +28,14 @@ test: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
-	$(VENV)/bin/pytest -m "not slow"
+	$(VENV)/bin/pytest -m "not slow and not pdal"
 
 test-slow: $(VENV)/.installed-dev
 	$(VENV)/bin/pytest -m slow
+
+# Outputs opened by PDAL, LASzip and CloudCompare, those of them that are installed.
+test-pdal: $(VENV)/.installed-dev
+	$(VENV)/bin/pytest -m pdal -rs tests/verification
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -17,7 +17,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from bushseg.config import NetworkConfig, Positive, PrepareConfig, Section, Share
-from bushseg.errors import CheckpointError, ConfigError
+from bushseg.errors import CheckpointError, ConfigError, WriteError
 from bushseg.features import FEATURES
 from bushseg.files import atomic_path
 from bushseg.models.bushnet import BushNet
@@ -119,13 +119,22 @@ def save_model(
         network: Its weights.
         extra: Further tensors, for training to go on from.
         state: Further plain values, likewise.
+
+    Raises:
+        WriteError: The disk is full or the folder can't be written to; what stood there stands.
     """
     tensors = {_WEIGHTS + name: tensor for name, tensor in network.state_dict().items()}
     tensors |= dict(extra or {})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     metadata = {_CARD: card.model_dump_json(), "state": json.dumps(state or {})}
-    with atomic_path(path) as partial:
-        save_file(tensors, partial, metadata=metadata)
+    try:
+        with atomic_path(path) as partial:
+            save_file(tensors, partial, metadata=metadata)
+    except (OSError, SafetensorError) as error:
+        raise WriteError(
+            f"{path}: can't be saved ({error}), what was saved before still stands; make room on "
+            "the disk, then go on"
+        ) from error
 
 
 def load_model(path: str | Path) -> Model:

@@ -149,6 +149,9 @@ class TrainConfig(Section):
         description="How a CPU multiplies matrices; bfloat16, and auto where the processor has "
         "units for it, is faster and rounds the factors",
     )
+    checkpoint_minutes: float = Field(
+        5.0, ge=0, description="Save within an epoch as often: what is lost at most if it is killed"
+    )
     augment: AugmentConfig = AugmentConfig()
     seed: int = Field(0, ge=0, description="Seed of weights, batches and augmentation")
 

@@ -28,13 +28,14 @@ def locked(folder: str | Path, name: str = LOCK) -> Iterator[None]:
     runs unlocked.
 
     Args:
-        folder: The folder; created if need be.
+        folder: The folder; created if need be, and removed again if the block leaves it empty.
         name: The lock file's name in it; removed when the block ends.
 
     Raises:
         WriteError: Another process holds the lock, or the folder can't be created or written to.
     """
     folder = Path(folder)
+    is_new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = _take(folder / name)
@@ -54,6 +55,8 @@ def locked(folder: str | Path, name: str = LOCK) -> Iterator[None]:
         # Removed while it is still held: nobody who comes now takes a file that is about to go.
         with suppress(OSError):
             (folder / name).unlink()
+            if is_new:
+                folder.rmdir()  # fails where something stands in it
         os.close(handle)
 
 

@@ -13,9 +13,10 @@ from datetime import datetime
 from pathlib import Path
 
 from bushseg.errors import CheckpointError, WriteError
+from bushseg.files import remove_partials
 
 RUNS = Path("runs")
-BEST, LAST, METRICS, CURVES, SETTINGS = (
+BEST, LAST, METRICS, CURVES, SETTINGS = _FILES = (
     "best.safetensors",
     "last.safetensors",
     "metrics.csv",
@@ -24,28 +25,37 @@ BEST, LAST, METRICS, CURVES, SETTINGS = (
 )
 
 
-def new_run(run: str | Path | None = None, *, overwrite: bool = False) -> Path:
-    """The folder for a new run, not created yet.
+def name_run(run: str | Path | None = None) -> Path:
+    """The folder for a run, not created yet: the one given, or one in `runs/` named by the time."""
+    return Path(run) if run is not None else RUNS / f"{datetime.now():%Y-%m-%d_%H%M%S}"
+
+
+def check_new(folder: Path, *, overwrite: bool = False) -> None:
+    """Refuse to begin a run where one stands.
 
     Args:
-        run: The folder; None names one in `runs/` by the time.
+        folder: The new run's folder.
         overwrite: Whether it may hold a run already.
 
     Raises:
         WriteError: It holds a run that may not be overwritten.
     """
-    folder = Path(run) if run is not None else RUNS / f"{datetime.now():%Y-%m-%d_%H%M%S}"
     if not overwrite and any((folder / name).exists() for name in (BEST, LAST)):
         raise WriteError(
             f"{folder}: holds a run already; go on with it by --resume {folder}, replace it by "
             "--overwrite, or name another folder by --run"
         )
-    return folder
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what killed processes left half written; nobody else may be at work in the folder."""
+    for name in _FILES:
+        remove_partials(folder / name)
 
 
 def remove_run(folder: Path) -> None:
     """Remove an earlier run's files, lest its best model be taken for the next run's."""
-    for name in (BEST, LAST, METRICS, CURVES, SETTINGS):
+    for name in _FILES:
         (folder / name).unlink(missing_ok=True)
 
 

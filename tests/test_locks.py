@@ -26,10 +26,18 @@ def take(folder: Path) -> None:
         pass
 
 
-def test_the_folder_is_made_and_the_lock_file_goes_with_the_lock(tmp_path: Path) -> None:
+def test_the_lock_file_goes_with_the_lock(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        assert (tmp_path / LOCK).read_text().startswith(f"{os.getpid()} on ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_made_and_stays_if_something_is_put_into_it(tmp_path: Path) -> None:
+    take(tmp_path / "a" / "b")
+    assert [path.name for path in tmp_path.rglob("*")] == ["a"]
     with locked(tmp_path / "a" / "b"):
-        assert (tmp_path / "a" / "b" / LOCK).read_text().startswith(f"{os.getpid()} on ")
-    assert not list((tmp_path / "a" / "b").iterdir())
+        (tmp_path / "a" / "b" / "result").touch()
+    assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["result"]
 
 
 def test_a_second_one_is_told_who_is_first(tmp_path: Path) -> None:

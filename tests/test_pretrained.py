@@ -27,7 +27,7 @@ class Notes(Silent):
 
 @pytest.fixture(autouse=True)
 def _no_curves(run, monkeypatch):
-    monkeypatch.setattr("bushseg.training.plot_curves", lambda _history, path: path.touch())
+    monkeypatch.setattr("bushseg.run_files.plot_curves", lambda _history, path: path.touch())
 
 
 def tuned(config: Config, **settings) -> Config:

@@ -6,26 +6,38 @@ from pathlib import Path
 import pytest
 
 from bushseg.errors import CheckpointError, WriteError
-from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS, find_model, new_run, remove_run
+from bushseg.runs import (
+    BEST,
+    CURVES,
+    LAST,
+    METRICS,
+    SETTINGS,
+    check_new,
+    find_model,
+    name_run,
+    remove_run,
+)
 
 
 def test_a_new_run_is_named_by_the_time():
-    folder = new_run()
+    folder = name_run()
     assert folder.parent == Path("runs")
     assert not folder.exists()
 
 
 def test_a_folder_that_holds_no_run_may_be_used(tmp_path):
-    (tmp_path / SETTINGS).touch()  # all that a run leaves that failed in its first epoch
-    assert new_run(str(tmp_path)) == tmp_path
+    (
+        tmp_path / SETTINGS
+    ).touch()  # all that a run leaves that was killed before its first checkpoint
+    check_new(name_run(str(tmp_path)))
 
 
 @pytest.mark.parametrize("name", [BEST, LAST])
 def test_a_run_is_kept_unless_told_otherwise(tmp_path, name):
     (tmp_path / name).touch()
     with pytest.raises(WriteError, match="holds a run already"):
-        new_run(tmp_path)
-    assert new_run(tmp_path, overwrite=True) == tmp_path
+        check_new(tmp_path)
+    check_new(tmp_path, overwrite=True)
 
 
 def test_only_a_runs_own_files_are_removed(tmp_path):

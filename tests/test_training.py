@@ -19,7 +19,7 @@ FILES = ["best.safetensors", "config.toml", "curves.png", "last.safetensors", "m
 def _no_curves(run):
     """Drawing takes longer than everything else here; `run` has been drawn before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("bushseg.training.plot_curves", lambda _history, path: path.touch())
+        patch.setattr("bushseg.run_files.plot_curves", lambda _history, path: path.touch())
         yield
 
 

@@ -20,7 +20,7 @@ def drawn(monkeypatch) -> list[int]:
     """How many epochs each drawing of the curves had; nothing is drawn."""
     lengths: list[int] = []
     monkeypatch.setattr(
-        "bushseg.training.plot_curves", lambda history, _path: lengths.append(len(history))
+        "bushseg.run_files.plot_curves", lambda history, _path: lengths.append(len(history))
     )
     return lengths
 
@@ -150,7 +150,7 @@ def test_curves_are_drawn_at_the_end(prepared, tiny, tmp_path, drawn):
 def test_curves_are_drawn_on_the_way_when_it_takes_long(
     prepared, tiny, tmp_path, drawn, monkeypatch
 ):
-    monkeypatch.setattr("bushseg.training._CURVES_SECONDS", 0.0)
+    monkeypatch.setattr("bushseg.run_files._CURVES_SECONDS", 0.0)
     train(prepared, tmp_path / "run", tiny(epochs=3, steps_per_epoch=1))
     assert drawn == [1, 2, 3]
 
@@ -161,6 +161,15 @@ def test_an_interrupted_run_has_its_curves(prepared, tiny, tmp_path, drawn):
     result = train(prepared, tmp_path / "run", config, stop=lambda: next(answers))
     assert (result.interrupted, drawn) == (True, [1])
     assert (tmp_path / "run" / METRICS).exists()
+
+
+@pytest.mark.parametrize("name", [METRICS, CURVES])
+def test_what_a_killed_run_had_not_come_to_is_made_up_for(copy, prepared, drawn, name):
+    table = (copy / METRICS).read_bytes()
+    (copy / name).unlink()
+    train(prepared, copy, resume=True)
+    assert drawn == [6]
+    assert (copy / METRICS).read_bytes() == table
 
 
 def test_nothing_new_is_nothing_to_draw(copy, prepared, drawn):

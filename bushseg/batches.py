@@ -1,7 +1,8 @@
 """What training feeds the network, step by step.
 
-Everything random is drawn from a generator named by (seed, epoch, step), so that an epoch taken up
-in the middle gives the batches it would have given.
+Everything random is drawn from a generator named by (seed, epoch, step, crop), so that an epoch
+taken up in the middle gives the batches it would have given, and several processes that each take
+their share of a batch are shown what one would be.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,13 +14,15 @@ from torch import Tensor
 from bushseg.augment import augment
 from bushseg.config import TrainConfig
 from bushseg.dataset import Dataset, Sample
+from bushseg.features import FEATURES
 from bushseg.inference import feature_matrix
 from bushseg.models.batch import Batch
+from bushseg.ranks import current
 from bushseg.training_state import generator
 
 
 class EpochBatches:
-    """The batches of one epoch.
+    """The batches of one epoch, or this process's shares of them.
 
     Args:
         dataset: The data set.
@@ -49,7 +52,7 @@ class EpochBatches:
 
     @property
     def num_crops(self) -> int:
-        """Crops in the whole epoch."""
+        """Crops in the whole epoch, of all processes."""
         return sum(map(len, self._steps))
 
     def __len__(self) -> int:
@@ -62,7 +65,8 @@ class EpochBatches:
             first: Step to begin with.
 
         Yields:
-            A batch, and its labels (N,) int64.
+            A batch, and its labels (N,) int64: of this process's share of the step's crops, which
+            may be none.
         """
         fresh = self._fresh(first) if self._config.fresh_crops else None
         with ThreadPoolExecutor(max_workers=1) as pool:
@@ -105,20 +109,30 @@ class EpochBatches:
             tile = self._tiles[crop.tile]
             if not (self._dataset.tile(tile).labels[crop.indices] >= 0).any():
                 continue
-            if number >= skipped:
+            step, place = divmod(number, self._config.batch_size)
+            if number >= skipped and place in self._share(step):
                 yield self._dataset.fresh_sample(tile, crop.indices)
             number += 1
 
+    def _share(self, step: int) -> range:
+        """Which of a step's crops are this process's, by their places in the batch."""
+        return current().share(len(self._steps[step]))
+
     def _batch(self, step: int, fresh: Iterator[Sample] | None) -> tuple[Batch, Tensor]:
-        spacing = self._dataset.config.voxel_size
-        rng = generator(self._config.seed, self._epoch, step)
+        data, spacing = self._dataset, self._dataset.config.voxel_size
         batches, labels = [], []
-        for crop in self._steps[step]:
-            sample = self._dataset.cached_sample(crop) if fresh is None else next(fresh)
+        for place in self._share(step):
+            crop = self._steps[step][place]
+            sample = data.cached_sample(crop) if fresh is None else next(fresh)
+            rng = generator(self._config.seed, self._epoch, step, place)
             sample = augment(sample, self._config.augment, spacing, rng)
             features = feature_matrix(sample.features, self._features, len(sample.xyz))
             batches.append(
                 Batch.from_numpy(features, sample.xyz, sample.normals, sample.pyramid, spacing)
             )
             labels.append(torch.from_numpy(sample.labels))
+        if not batches:
+            width = sum(FEATURES[name] for name in self._features)
+            nothing = Batch.empty(width, data.config.num_neighbors, data.config.num_levels)
+            return nothing, torch.empty(0, dtype=torch.int64)
         return Batch.concatenated(batches), torch.cat(labels)

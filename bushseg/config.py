@@ -123,7 +123,9 @@ class TrainConfig(Section):
     """How the network learns. Optimizer and schedule are the paper's (section 4)."""
 
     epochs: int = Field(100, ge=1, description="Epochs to train")
-    batch_size: int = Field(4, ge=1, description="Crops in a step")
+    batch_size: int = Field(
+        4, ge=1, description="Crops in a step, shared out where several processes train together"
+    )
     learning_rate: Positive = Field(0.01, description="Adam's first learning rate")
     decay: Annotated[float, Field(gt=0, le=1)] = Field(
         0.95, description="Learning rate is multiplied by this each epoch"
@@ -151,6 +153,9 @@ class TrainConfig(Section):
     )
     checkpoint_minutes: float = Field(
         5.0, ge=0, description="Save within an epoch as often: what is lost at most if it is killed"
+    )
+    rank_timeout: Positive = Field(
+        300.0, description="Give up when another process of a training doesn't answer, seconds"
     )
     augment: AugmentConfig = AugmentConfig()
     seed: int = Field(0, ge=0, description="Seed of weights, batches and augmentation")

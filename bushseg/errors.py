@@ -7,6 +7,7 @@
     ├── SchemeError       a class scheme is unknown or malformed
     ├── CacheError        prepared data is missing, damaged or made by another version
     ├── CheckpointError   a model file is missing, damaged or doesn't fit
+    ├── RankError         another process of a training has ended or doesn't answer
     └── DataError         a scan doesn't hold what was asked of it (features, labels, points)
 
 Every message is one line: what was found, what was expected, what to do. The command line prints
@@ -64,6 +65,10 @@ class CacheError(BushsegError):
 
 class CheckpointError(BushsegError):
     """A model file is missing, damaged or doesn't fit the data."""
+
+
+class RankError(BushsegError):
+    """Another process of a training has ended or doesn't answer."""
 
 
 class DataError(BushsegError):

@@ -27,17 +27,33 @@ def loss_weights(class_counts: NDArray[np.integer[Any]], how: str) -> Tensor:
     return torch.from_numpy(weights)
 
 
-def weighted_cross_entropy(logits: Tensor, labels: Tensor, weights: Tensor) -> Tensor:
+def total_weight(labels: Tensor, weights: Tensor) -> Tensor:
+    """What labelled points weigh together.
+
+    Args:
+        labels: Class indices, -1 for unlabelled, (N,) int64.
+        weights: From :func:`loss_weights`, (C,).
+
+    Returns:
+        A scalar.
+    """
+    return weights[labels[labels >= 0]].sum()
+
+
+def weighted_cross_entropy(
+    logits: Tensor, labels: Tensor, weights: Tensor, total: Tensor | None = None
+) -> Tensor:
     """Mean over the labelled points, each weighted by its class.
 
     Args:
         logits: Class scores, (N, C).
         labels: Class indices, -1 for unlabelled, (N,) int64.
         weights: From :func:`loss_weights`, (C,).
+        total: What to divide by, where these are but a part of the points the mean is taken over;
+            None takes their own :func:`total_weight`.
 
     Returns:
         A scalar; 0 where nothing is labelled (torch's own mean would be NaN).
     """
-    total = nn.functional.cross_entropy(logits, labels, weights, ignore_index=-1, reduction="sum")
-    known = labels[labels >= 0]
-    return total / weights[known].sum().clamp_min(1e-12)
+    summed = nn.functional.cross_entropy(logits, labels, weights, ignore_index=-1, reduction="sum")
+    return summed / (total_weight(labels, weights) if total is None else total).clamp_min(1e-12)

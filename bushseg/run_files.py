@@ -17,7 +17,7 @@ from bushseg.training_state import TrainingState
 _CURVES_SECONDS = 20.0
 """Drawing takes about a second: curves are drawn no more often than this, and at the end."""
 
-_FREE = ("epochs", "checkpoint_minutes")
+_FREE = ("epochs", "checkpoint_minutes", "rank_timeout")
 """Settings that don't change the epochs that are done: those of a resumed run may differ."""
 
 
@@ -71,7 +71,7 @@ class RunFiles:
         table, curves = self._folder / METRICS, self._folder / CURVES
         rows = len(table.read_bytes().splitlines()) - 1 if table.exists() else 0
         is_drawn = curves.exists() and curves.stat().st_mtime_ns >= table.stat().st_mtime_ns
-        if rows != len(history) or not is_drawn:
+        if history and (rows != len(history) or not is_drawn):
             self.save_history(history)
 
     def finish(self) -> None:

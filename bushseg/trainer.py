@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+
 from bushseg.batches import EpochBatches
 from bushseg.config import FINE_TUNING_RATE, Config
 from bushseg.dataset import Dataset
@@ -16,6 +18,7 @@ from bushseg.loss import loss_weights
 from bushseg.metrics import ConfusionMatrix
 from bushseg.pretrained import Pretrained, adopt, find_pretrained, with_network_of
 from bushseg.progress import SILENT, Progress
+from bushseg.ranks import current
 from bushseg.run_files import RunFiles, restore
 from bushseg.stages import Stages
 from bushseg.training_card import describe_data
@@ -29,6 +32,7 @@ class TrainResult:
 
     Attributes:
         folder: The run's folder.
+        rank: Which of several processes this is; the first, 0, wrote it all.
         epochs: Epochs finished, those of earlier parts of a resumed run included.
         history: One row of metrics for each of them.
         interrupted: Whether it was asked to stop before the last epoch.
@@ -38,6 +42,7 @@ class TrainResult:
     """
 
     folder: Path
+    rank: int
     epochs: int
     history: list[dict[str, float]]
     interrupted: bool
@@ -91,6 +96,11 @@ class Trainer:
             self._begin_with(source)
         if resume:
             self.card, self.state = restore(folder, self.card, self.config, self.learner)
+        self.ranks = current()
+        if self.ranks.size > 1:
+            state = self.state.model_dump_json(exclude={"history": True})
+            self.ranks.check_same(state + self.card.model_dump_json(exclude={"metrics"}))
+            self.learner.share_weights()
 
     def _check_crops(self) -> None:
         """Refuse a data set none of whose crops teaches anything."""
@@ -117,8 +127,8 @@ class Trainer:
     def run(self, stop: Callable[[], bool]) -> TrainResult:
         """Train the epochs that are left."""
         settings = self.config.train
-        self.files.save_settings(self.config)
-        if self.state.history:
+        if self.ranks.is_first:
+            self.files.save_settings(self.config)
             self.files.catch_up(self.state.history)
         num_points, seconds, stopped = 0, 0.0, False
         first, started = self.state.epoch, time.monotonic()
@@ -138,6 +148,7 @@ class Trainer:
         self.files.finish()
         return TrainResult(
             folder=self.folder,
+            rank=self.ranks.rank,
             epochs=self.state.epoch,
             history=self.state.history,
             interrupted=stopped,
@@ -160,7 +171,7 @@ class Trainer:
         )
         confusion, num_points = state.confusion(self.dataset.scheme.num_classes), 0
         for batch, labels in self.stages.each("wait for batches", batches.start(state.step)):
-            if stop():
+            if self._is_stopped(stop):
                 return num_points, True
             done = self.learner.step(batch, labels, state.epoch, state.step)
             confusion += done.confusion
@@ -169,10 +180,14 @@ class Trainer:
             state.counts = confusion.counts.tolist()
             num_points += done.num_points
             self.progress.advance(done.num_points)
-            if self.files.is_due and state.step < len(batches):
+            if self.ranks.is_first and self.files.is_due and state.step < len(batches):
                 with self.stages.timed("metrics and checkpoints"):
                     self._save_last()
         return num_points, False
+
+    def _is_stopped(self, stop: Callable[[], bool]) -> bool:
+        """Whether any process is asked to stop: then all do, before the same step."""
+        return bool(self.ranks.total(torch.tensor(int(stop()))))
 
     def _finish_epoch(self, points_per_second: float) -> None:
         """Validate, note the epoch's metrics, save."""
@@ -193,9 +208,11 @@ class Trainer:
         score = 0.0 if math.isnan(judged.miou) else judged.miou
         if score > state.best:
             state.best = score
-            self.files.save_best(self.card, self.learner)
+            if self.ranks.is_first:
+                self.files.save_best(self.card, self.learner)
         self._save_last()
-        self.files.save_history(state.history)
+        if self.ranks.is_first:
+            self.files.save_history(state.history)
 
     def _validate(self, row: dict[str, float]) -> ConfusionMatrix:
         """Judge the network by what is held out; writes the metrics into the epoch's row."""
@@ -212,4 +229,6 @@ class Trainer:
         return judged
 
     def _save_last(self) -> None:
-        self.files.save_last(self.card, self.learner, self.state)
+        """Write the last checkpoint, if this is the process that writes."""
+        if self.ranks.is_first:
+            self.files.save_last(self.card, self.learner, self.state)

@@ -1,6 +1,7 @@
 """Training: prepared crops in; checkpoints, metrics and curves out, into a run's folder."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 from bushseg.config import Config, TrainConfig
@@ -8,6 +9,7 @@ from bushseg.dataset import Dataset
 from bushseg.errors import ConfigError
 from bushseg.locks import locked
 from bushseg.progress import SILENT, Progress
+from bushseg.ranks import joined
 from bushseg.runs import SETTINGS, check_new, name_run, remove_leftovers, remove_run
 from bushseg.trainer import Trainer, TrainResult
 
@@ -24,6 +26,10 @@ def train(
     progress: Progress = SILENT,
 ) -> TrainResult:
     """Train a network on a prepared data set.
+
+    Processes that torchrun started train together, each on its share of every batch, to the weights
+    that one would come to. The data set and the run lie in folders that all of them see; the first
+    alone writes.
 
     Args:
         data: The data set's folder.
@@ -51,16 +57,20 @@ def train(
             "resume needs the folder of the run, and can neither overwrite it nor begin anew"
         )
     folder = name_run(run)
-    with locked(folder):
-        if not resume:
-            check_new(folder, overwrite=overwrite)
-        remove_leftovers(folder)
-        if config is None:
-            config = Config.load(folder / SETTINGS) if resume else Config()
-        if pretrained is not None:
-            given = config.train.model_dump(exclude_unset=True) | {"pretrained": str(pretrained)}
-            config = config.model_copy(update={"train": TrainConfig.from_dict(given)})
-        trainer = Trainer(Dataset(data), folder, config, progress, resume=resume)
-        if overwrite:
+    if config is None:
+        config = Config.load(folder / SETTINGS) if resume else Config()
+    if pretrained is not None:
+        given = config.train.model_dump(exclude_unset=True) | {"pretrained": str(pretrained)}
+        config = config.model_copy(update={"train": TrainConfig.from_dict(given)})
+    with joined(config.train.rank_timeout) as ranks, ExitStack() as held:
+        if ranks.is_first:
+            held.enter_context(locked(folder))
+            if not resume:
+                check_new(folder, overwrite=overwrite)
+            remove_leftovers(folder)
+        ranks.wait()  # for the first to have the folder
+        shown = progress if ranks.is_first else SILENT
+        trainer = Trainer(Dataset(data), folder, config, shown, resume=resume)
+        if overwrite and ranks.is_first:
             remove_run(folder)
         return trainer.run(stop)

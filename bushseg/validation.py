@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from bushseg.calibration import MIN_LABELS, ConfidenceBins, confidences, fit_temperature
@@ -13,6 +14,7 @@ from bushseg.inference import tile_logits
 from bushseg.metrics import ConfusionMatrix
 from bushseg.models.bushnet import BushNet
 from bushseg.progress import SILENT, Progress
+from bushseg.ranks import current
 
 _FITTED = 200_000
 """Labelled voxels, at most, that a temperature is fitted on: one number needs no more."""
@@ -47,6 +49,8 @@ def validate(
 ) -> Validation:
     """Label whole tiles as `predict` would, each voxel once, and compare.
 
+    Where several processes train together, each labels its share of the tiles.
+
     Args:
         network: The network; left in evaluation mode.
         dataset: The data set.
@@ -60,12 +64,14 @@ def validate(
         little.
     """
     network.eval()
+    ranks, own = current(), _own_tiles(dataset, tiles)
     confusion = ConfusionMatrix(dataset.scheme.num_classes)
-    total = sum(dataset.tiles[number].core_size for number in tiles)
+    total = sum(dataset.tiles[number].core_size for number in own)
     stride = max(1, -(-int(dataset.class_counts(tiles).sum()) // _FITTED))
-    kept_logits, kept_labels = [], []
+    kept_logits = [np.empty((0, confusion.num_classes), dtype=np.float32)]
+    kept_labels = [np.empty(0, dtype=np.int16)]
     progress.start("validating", total, "voxels")
-    for number in tiles:
+    for number in own:
         tile = dataset.network_tile(number)
         logits = tile_logits(network, tile, card.features, dataset.config.voxel_size)
         labels = tile.labels[tile.is_core]
@@ -74,15 +80,28 @@ def validate(
         kept_logits.append(logits[chosen])
         kept_labels.append(labels[chosen])
         progress.advance(len(logits))
-    return _calibrate(
-        confusion, np.concatenate(kept_logits), np.concatenate(kept_labels), card.temperature
-    )
+    confusion.counts[:] = ranks.total(torch.from_numpy(confusion.counts)).numpy()
+    judged_logits = ranks.rows_of_all(torch.from_numpy(np.concatenate(kept_logits))).numpy()
+    judged_labels = ranks.rows_of_all(torch.from_numpy(np.concatenate(kept_labels)).int()).numpy()
+    return _calibrate(confusion, judged_logits, judged_labels, card.temperature)
+
+
+def _own_tiles(dataset: Dataset, tiles: Sequence[int]) -> list[int]:
+    """This process's share of tiles: each next largest goes to whoever has least to do."""
+    ranks = current()
+    loads, own = [0] * ranks.size, []
+    for number in sorted(tiles, key=lambda tile: -dataset.tiles[tile].core_size):
+        least = loads.index(min(loads))
+        loads[least] += dataset.tiles[number].core_size
+        if least == ranks.rank:
+            own.append(number)
+    return sorted(own)
 
 
 def _calibrate(
     confusion: ConfusionMatrix,
     logits: NDArray[np.float32],
-    labels: NDArray[np.int16],
+    labels: NDArray[np.int32],
     temperature: float,
 ) -> Validation:
     """Fit the temperature, and count how far confidence is off without and with it."""

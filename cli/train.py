@@ -111,6 +111,8 @@ def train(
             stop=stop,
             progress=shown,
         )
+    if result.rank > 0:
+        return  # the first of several processes reports
     if as_json:
         print_json(result)
         return

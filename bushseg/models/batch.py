@@ -96,6 +96,14 @@ class Batch:
             )
         return cls(torch.cat([batch.features for batch in batches]), tuple(levels))
 
+    @classmethod
+    def empty(cls, num_features: int, num_neighbors: int, num_levels: int) -> Self:
+        """No points: the share of a process where there are fewer crops than processes."""
+        rows, numbers = torch.empty(0, 3), torch.empty(0, dtype=torch.int32)
+        neighbors = torch.empty(0, num_neighbors, dtype=torch.int32)
+        level = Level(rows, rows, neighbors, numbers, numbers)
+        return cls(torch.empty(0, num_features), (level,) * num_levels)
+
     def to(self, device: torch.device) -> Self:
         """Move everything to a device."""
         levels = tuple(

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from bushseg.config import NetworkConfig
 from bushseg.models.batch import Batch, Level
 from bushseg.models.kernels import SLOPE
-from bushseg.models.layers import SharedMLP, gather, in_chunks
+from bushseg.models.layers import Dropout, SharedMLP, gather, in_chunks
 from bushseg.models.lmff import FusionBlock, Geometry
 from bushseg.models.survivors import pool_survivors
 
@@ -111,7 +111,7 @@ class BushNet(nn.Module):
         self.head = nn.Sequential(
             SharedMLP(widths[0], first),
             SharedMLP(first, second),
-            nn.Dropout(config.dropout),
+            Dropout(config.dropout),
             nn.Linear(second, num_classes),
         )
 

@@ -7,6 +7,8 @@ from torch import Tensor, nn
 
 from bushseg.models.kernels import SLOPE
 from bushseg.models.pooling import run_chunks
+from bushseg.models.shared_norm import drop_out, normalize
+from bushseg.ranks import current
 
 CHUNK = 2048
 """Points handled at once without gradients: their rows stay in a core's cache."""
@@ -87,7 +89,12 @@ class SharedMLP(nn.Module):
     def finish(self, mapped: Tensor) -> Tensor:
         """Normalize and activate what has been mapped already, (..., num_out) -> the same."""
         rows, norm = mapped.reshape(-1, mapped.shape[-1]), self.norm
-        if len(rows) > 1:
+        if current().size > 1:
+            x, mean, variance, num_rows = normalize(rows, norm)
+            if num_rows > 1:
+                self.observe(mean, variance, num_rows)
+            x = x.view(mapped.shape)
+        elif len(rows) > 1:
             x = norm(rows).view(mapped.shape)
         else:
             # The last survivor of a tiny crop has no variance: the running statistics stand in.
@@ -98,6 +105,16 @@ class SharedMLP(nn.Module):
 
     def _activate(self, x: Tensor) -> Tensor:
         return nn.functional.leaky_relu_(x, SLOPE) if self.activation else x
+
+
+class Dropout(nn.Dropout):
+    """Drop-out that is the same however the rows are shared out to processes."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, C) -> (N, C)."""
+        if not self.training or current().size == 1:
+            return super().forward(x)
+        return drop_out(x, self.p)
 
 
 def gather(x: Tensor, indices: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ from bushseg.models.attention import ATTENTION, AttentivePooling, MultiChannelAt
 from bushseg.models.batch import Level
 from bushseg.models.layers import SharedMLP, gather, in_chunks
 from bushseg.models.pooling import attentive_pool, run_chunks
+from bushseg.ranks import current
 from bushseg.spf import simple_point_features
 
 POSITION_WIDTH = {"relative": 4, "absolute": 10}
@@ -30,8 +31,9 @@ class Geometry:
         neighbors: Neighbor indices, (N, K) int32.
         columns: Position encoding, then (alpha, phi, theta), those that are on, then a one:
             (N, K, G).
-        moments: Mean of the products of every two columns, (G, G) float64; None where the
-            network's running statistics count, or normalization takes its own (the plain path).
+        moments: Sums of the products of every two columns, those of other processes included,
+            (G, G) float64, the last being the number of pairs; None where the network's running
+            statistics count, or normalization takes its own (the plain path).
     """
 
     neighbors: Tensor
@@ -49,7 +51,8 @@ class Geometry:
         """
         fast = level.xyz.device.type == "cpu" and level.xyz.dtype == torch.float32
         columns = (describe_fast if fast else describe)(level, config)
-        return cls(level.neighbors, columns, moments(columns) if with_moments and fast else None)
+        sums = current().total(moments(columns)) if with_moments and fast else None
+        return cls(level.neighbors, columns, sums)
 
 
 def describe(level: Level, config: NetworkConfig) -> Tensor:
@@ -82,13 +85,13 @@ def describe_fast(level: Level, config: NetworkConfig) -> Tensor:
 
 
 def moments(columns: Tensor) -> Tensor:
-    """Mean product of every two columns over all pairs, (N, K, G) -> (G, G) float64."""
+    """Sum of the products of every two columns over all pairs, (N, K, G) -> (G, G) float64."""
     # Sums of a few thousand in float32, sums of these in float64: no digit that counts is lost.
     total = torch.zeros(columns.shape[2], columns.shape[2], dtype=torch.float64)
     for part in torch.split(columns, 512):
         rows = part.flatten(0, 1)
         total += (rows.T @ rows).double().cpu()
-    return total / columns[..., 0].numel()
+    return total
 
 
 def encode_position(xyz: Tensor, neighbors: Tensor, *, absolute: bool) -> Tensor:
@@ -188,9 +191,10 @@ def _statistics(
     """Mean and variance of what a lift's linear map gives; None where the running ones count."""
     if geometry.moments is None:
         return None, None
-    weight, center = lift.linear.weight.double(), geometry.moments[span, -1]
-    covariance = geometry.moments[span, span] - center[:, None] * center
+    count = geometry.moments[-1, -1]
+    weight, center = lift.linear.weight.double(), geometry.moments[span, -1] / count
+    covariance = geometry.moments[span, span] / count - center[:, None] * center
     mean = weight @ center
     variance = ((weight @ covariance) * weight).sum(dim=1).clamp_min(0)
-    lift.observe(mean, variance, geometry.neighbors.numel())
+    lift.observe(mean, variance, int(count))
     return mean.float(), variance.float()

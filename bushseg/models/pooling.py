@@ -97,8 +97,8 @@ class _AttentivePool(torch.autograd.Function):
         d_pooled, d_mean = (gradient.contiguous() for gradient in gradients)
         work, num_rows = _Work(x, neighbors, columns, lift, score, huge=ctx.huge), len(x)
         # A share of the rows each, and sums of its own: the order of addition is always the same.
-        share = -(-num_rows // num_workers())
-        sums = [_Sums(x, lift, score) for _ in range(-(-num_rows // share))]
+        share = max(1, -(-num_rows // num_workers()))
+        sums = [_Sums(x, lift, score) for _ in range(max(1, -(-num_rows // share)))]
 
         def call(start: int, stop: int) -> None:
             for first in range(start, stop, work.chunk):

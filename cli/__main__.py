@@ -1,0 +1,5 @@
+"""`python -m bushseg_cli`, as torchrun starts it."""
+
+from .main import main
+
+main()

@@ -7,6 +7,7 @@ every sum is what it was given. Only tensors travel; nothing is unpickled.
 
 import hashlib
 import os
+import re
 import socket
 import sys
 from collections.abc import Iterator
@@ -236,11 +237,13 @@ def _answered() -> Iterator[None]:
     try:
         yield
     except (RuntimeError, OSError) as error:
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        # gloo says where in its source, what, and what that usually means: the middle is enough.
+        said = re.sub(r"^\[\S*\] *", "", str(error)) or type(error).__name__
+        reason = re.split(r"\. |\n", said)[0][:150]
         raise RankError(
             f"process {os.environ.get('RANK', '0')} of {os.environ.get('WORLD_SIZE', '1')}: "
             f"another process of this training has ended or doesn't answer ({reason}); see what it "
-            "said, then go on with --resume"
+            "said, then go on by --resume"
         ) from error
 
 

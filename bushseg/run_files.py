@@ -70,8 +70,8 @@ class RunFiles:
         """Write what a run that was killed after its checkpoint had not come to."""
         table, curves = self._folder / METRICS, self._folder / CURVES
         rows = len(table.read_bytes().splitlines()) - 1 if table.exists() else 0
-        is_drawn = curves.exists() and curves.stat().st_mtime_ns >= table.stat().st_mtime_ns
-        if history and (rows != len(history) or not is_drawn):
+        is_stale = rows != len(history) or not curves.exists()
+        if history and (is_stale or curves.stat().st_mtime_ns < table.stat().st_mtime_ns):
             self.save_history(history)
 
     def finish(self) -> None:

@@ -1,7 +1,9 @@
 """A tiny site with exact labels, prepared once and learnt once, for all tests that need a model."""
 
 import os
-from collections.abc import Callable
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -199,3 +201,32 @@ def bundle(stand_ins: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """bushseg as if the stand-ins were what it ships with."""
     monkeypatch.setattr("bushseg.bundled.FOLDER", stand_ins)
     return stand_ins
+
+
+@pytest.fixture
+def start_ranks() -> Iterator[Callable[..., list[subprocess.Popen[str]]]]:
+    """Start a command once for each rank, with the variables torchrun would set."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(command: list[object], size: int) -> list[subprocess.Popen[str]]:
+        with socket.socket() as opened:
+            opened.bind(("127.0.0.1", 0))
+            port = opened.getsockname()[1]
+        shared = {"WORLD_SIZE": size, "LOCAL_WORLD_SIZE": size, "MASTER_PORT": port}
+        for rank in range(size):
+            variables = shared | {"RANK": rank, "LOCAL_RANK": rank, "CUDA_VISIBLE_DEVICES": ""}
+            started.append(
+                subprocess.Popen(
+                    list(map(str, command)),
+                    env=os.environ | {name: str(value) for name, value in variables.items()},
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                )
+            )
+        return started[-size:]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()

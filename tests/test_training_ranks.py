@@ -19,7 +19,7 @@ TOLERANCE = 1e-4
 """Of weights of about 1, after six steps at a learning rate of 0.01.
 
 Sums were taken in another order, and Adam makes much of small differences between small gradients.
-That the gradients are the same is held to 1e-9 in double precision, in `models/test_shared_norm.py`.
+That gradients are the same is held to 1e-9 in double precision, in `models/test_shared_norm.py`.
 """
 
 

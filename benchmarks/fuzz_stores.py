@@ -25,7 +25,8 @@ def e57_seeds(folder: Path) -> Iterator[Seed]:
             for index in range(num_scans):
                 columns = dict(zip(_cartesian(), rng.normal(size=(3, 30)), strict=True))
                 columns["intensity"] = rng.random(30)
-                columns["colorRed"] = rng.integers(0, 255, 30).astype(np.uint8)
+                for name in ("colorRed", "colorGreen", "colorBlue"):
+                    columns[name] = rng.integers(0, 255, 30).astype(np.uint8)
                 if index == 0:
                     columns["cartesianInvalidState"] = np.zeros(30, np.int8)
                 file.write_scan_raw(

@@ -153,6 +153,12 @@ def load_model(path: str | Path) -> Model:
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
         raise CheckpointError(f"{path}: its weights don't fit its settings ({reason})") from error
+    for name, tensor in network.state_dict().items():
+        if not tensor.isfinite().all():
+            raise CheckpointError(
+                f"{path}: its weights hold NaN or infinite numbers ({name}); its training failed, "
+                "take an earlier model"
+            )
     return Model(card, network.float().eval(), path)
 
 

@@ -144,6 +144,16 @@ def test_a_missing_tensor(saved, forge):
         load_model(forge(tensors=tensors))
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_no_numbers(saved, forge, value):
+    _, path = saved
+    tensors = load_file(path)
+    next(tensor for tensor in tensors.values() if tensor.is_floating_point()).view(-1)[0] = value
+    forge(tensors=tensors)
+    with pytest.raises(CheckpointError, match="NaN or infinite"):
+        load_model(path)
+
+
 def test_a_tensor_of_another_shape(saved, forge):
     tensors = load_file(saved[1])
     tensors["network.bottleneck.linear.weight"] = torch.ones(8, 9)

@@ -37,6 +37,7 @@ class _Scan:
         points: libE57's node of the compressed points.
         count: How many points there are.
         fields: Name in the file to dtype of the buffer it is read into.
+        point_bits: What a point takes in the file, at least.
         rotation: (3, 3), into the file's coordinates.
         translation: (3,), metres.
         posed: Whether the file states these, or they are the identity for want of a pose.
@@ -45,6 +46,7 @@ class _Scan:
     points: Any
     count: int
     fields: dict[str, np.dtype[Any]]
+    point_bits: int
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
     posed: bool
@@ -72,6 +74,7 @@ class E57Reader(ScanReader):
         try:
             with _as_read_error(path, self._libe57):
                 self._scans = _read_headers(path, self._libe57, self._file.root())
+                _check_counts(path, self._scans)
         except ReadError:
             self._file.close()
             raise
@@ -215,8 +218,10 @@ def _read_header(path: Path, libe57: Any, node: Any) -> _Scan:
     points = node["points"]
     prototype = libe57.StructureNode(points.prototype())
     fields: dict[str, np.dtype[Any]] = {}
+    bits = 0
     for index in range(prototype.childCount()):
         name = prototype.get(index).elementName()
+        bits += _num_bits(libe57, prototype[name])
         dtype = _buffer_dtype(libe57, prototype[name])
         if dtype is not None:
             fields[name] = dtype
@@ -235,7 +240,32 @@ def _read_header(path: Path, libe57: Any, node: Any) -> _Scan:
             translation = np.array([float(pose["translation"][axis].value()) for axis in "xyz"])
     if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         raise ReadError(path, "a pose that isn't finite", "a rotation and a translation")
-    return _Scan(points, int(points.childCount()), fields, rotation, translation, posed)
+    return _Scan(points, int(points.childCount()), fields, bits, rotation, translation, posed)
+
+
+def _check_counts(path: Path, scans: list[_Scan]) -> None:
+    """Hold the points that the header counts against the file's size.
+
+    A field of one possible value takes no bits; points of no bits count as one each.
+    """
+    size = path.stat().st_size
+    needed = sum(scan.count * max(1, scan.point_bits) for scan in scans) // 8
+    if needed > size:
+        raise ReadError(
+            path,
+            f"{size:,} bytes",
+            f"at least {needed:,} for the {sum(scan.count for scan in scans):,} points in its "
+            "header; the file is damaged or cut off",
+        )
+
+
+def _num_bits(libe57: Any, node: Any) -> int:
+    """How many bits a value of a field takes in the file, at least."""
+    if isinstance(node, libe57.FloatNode):
+        return 32 if node.precision() == libe57.FloatPrecision.E57_SINGLE else 64
+    if isinstance(node, libe57.IntegerNode | libe57.ScaledIntegerNode):
+        return int(node.maximum() - node.minimum()).bit_length()
+    return 0
 
 
 def _buffer_dtype(libe57: Any, node: Any) -> np.dtype[Any] | None:

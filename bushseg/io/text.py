@@ -40,6 +40,7 @@ COLUMN_NAMES = {
 
 _HEAD_BYTES = 1 << 16
 _BATCH_ROWS = 1 << 16
+_LONE_RETURN = re.compile(rb"\r(?!\n|\Z)")  # as old Macs end lines; the head may end within \r\n
 _INTEGER = re.compile(r"[+-]?\d{1,19}")  # Python refuses to parse thousands of digits
 
 
@@ -151,6 +152,12 @@ def _sniff(path: Path) -> _Layout:
         head = file.read(_HEAD_BYTES)
     if b"\0" in head:
         raise ReadError(path, "binary content (or UTF-16 text)", "rows of numbers in plain text")
+    if _LONE_RETURN.search(head):
+        raise ReadError(
+            path,
+            "lines that end in a carriage return alone",
+            "line feeds; convert it (`tr '\\r' '\\n'`)",
+        )
     comment: list[str] = []
     header: list[str] = []
     stated_count = None

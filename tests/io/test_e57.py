@@ -1,3 +1,4 @@
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 
 from bushseg.errors import ReadError
-from bushseg.io import base
+from bushseg.io import base, e57
 from bushseg.io.e57 import open_e57
 
 pye57 = pytest.importorskip("pye57")
@@ -132,3 +133,20 @@ def test_says_how_to_install_pye57(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "pye57", None)
     with pytest.raises(ReadError, match=r'pip install "bushseg\[e57\]"'):
         open_e57(tmp_path / "a.e57")
+
+
+def test_the_header_s_count_is_held_against_the_file(tmp_path: Path) -> None:
+    colors = ("colorRed", "colorGreen", "colorBlue")
+    path = write_scans(
+        tmp_path / "one.e57",
+        [columns([[1, 0, 0], [0, 1, 5]], **dict.fromkeys(colors, np.array([0, 255], np.uint8)))],
+    )
+    with e57.E57Reader(path) as scan:
+        (header,) = scan._scans
+        assert header.point_bits == 3 * 32 + 3 * 8
+        most = 8 * path.stat().st_size // header.point_bits
+        e57._check_counts(path, [dataclasses.replace(header, count=most)])
+        for count, bits in ((most + 1, header.point_bits), (2**60, 0)):
+            lying = dataclasses.replace(header, count=count, point_bits=bits)
+            with pytest.raises(ReadError, match=f"{count:,} points in its header"):
+                e57._check_counts(path, [lying])

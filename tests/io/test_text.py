@@ -1,3 +1,4 @@
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,8 @@ def test_refuses_labels_that_do_not_fit(tmp_path: Path, labels: bytes, message: 
         ("1 2 3\n".encode("utf-16"), "binary"),
         (b"3\n1 2 3\n4 5 6\n", "as its first line says"),
         (b"1 2 3\n" + b"4" * 100_000, "longer than"),
+        (b"1 2 3\r4 5 6\r", "carriage return"),
+        (b"1 2 3\r\r\n4 5 6\r\r\n", "carriage return"),
     ],
 )
 def test_refuses_at_the_beginning(tmp_path: Path, content: bytes, message: str) -> None:
@@ -178,3 +181,18 @@ def test_is_points(tmp_path: Path) -> None:
     assert not is_points(write(tmp_path, b"Dear reader,\nthese are scans.\n"))
     assert not is_points(write(tmp_path, b"epoch,loss\n1,0.5\n"))
     assert not is_points(write(tmp_path, b""))
+
+
+def test_a_line_without_end_takes_no_more_than_a_block(tmp_path: Path) -> None:
+    path = tmp_path / "endless.txt"
+    with path.open("wb") as file:
+        file.write(b"1 2 3\n1 2 ")
+        for _ in range(64):
+            file.write(b"3" * (1 << 20))
+    tracemalloc.start()
+    try:
+        with pytest.raises(ReadError, match="longer than"):
+            open_text(path)
+        assert tracemalloc.get_traced_memory()[1] < 3 * ascii_rows.BLOCK_BYTES
+    finally:
+        tracemalloc.stop()

@@ -15,7 +15,11 @@ from bushseg.prediction import predict_file
 
 BUSH = SCHEMES["bush"]
 
-pytestmark = pytest.mark.filterwarnings("ignore::UserWarning:laspy")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::UserWarning:laspy"),
+    # laspy takes the range of scaled floats that are drawn bit by bit, NaN among them.
+    pytest.mark.filterwarnings("ignore::RuntimeWarning:laspy"),
+]
 
 FORMATS = [
     (version, point_format)
@@ -275,7 +279,7 @@ def test_what_predict_writes_is_equal(write, recipe, height_model, tmp_path, **o
 
 
 @pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=[FOLDER])
+@settings(max_examples=100, suppress_health_check=[FOLDER])
 @ANY_SCAN
 def test_what_predict_writes_is_equal_many_times(write, recipe, height_model, tmp_path, **options):
     check_prediction(write, recipe, height_model, tmp_path, **options)

@@ -112,7 +112,7 @@ def _start(path: Path) -> Process:
     spec = find_spec("lazrs")
     if spec is None or spec.origin is None or not sys.executable:
         raise ReadError(path, "compressed points, and no lazrs", "it; run `pip install lazrs`")
-    # -I and -S: nothing of the caller's surroundings, for it to start in some 40 ms.
+    # -I and -S: nothing of the caller's surroundings, so that it starts at once.
     command = [sys.executable, "-I", "-S", laz_worker.__file__, str(Path(spec.origin).parents[1])]
     try:
         process = subprocess.Popen(

@@ -7,7 +7,7 @@ is absurd: no check beforehand finds all of it, and no handler survives it. So i
 request is a line of JSON on standard input; its answer are frames on standard output: a length,
 then so many bytes. Length 0 ends an answer, -1 announces the length and the text of a refusal.
 
-Imports nothing of bushseg's, and starts in some 40 ms.
+Imports nothing of bushseg's, so that it starts at once.
 """
 
 import io

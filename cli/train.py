@@ -32,7 +32,9 @@ def train(
         bool, typer.Option("--overwrite", help="Replace the run that stands in --run.")
     ] = False,
     epochs: Annotated[int | None, typer.Option(help="Epochs to train.  [default: 100]")] = None,
-    batch_size: Annotated[int | None, typer.Option(help="Crops in a step.  [default: 4]")] = None,
+    batch_size: Annotated[
+        int | None, typer.Option(help="Crops in a step, of all processes.  [default: 4]")
+    ] = None,
     learning_rate: Annotated[
         float | None,
         typer.Option(
@@ -63,7 +65,7 @@ def train(
 ) -> None:
     """Train BushNet on a prepared data set.
 
-    Ctrl-C saves and ends; `--resume` goes on as if nothing had happened.
+    Ctrl-C saves and ends; `--resume` goes on as if nothing had happened, also after a crash.
     With --from, training begins with what a model knows: a few labelled points among many without
     a label then go a long way. Classes may differ; the data must be prepared with
     `bushseg prepare --for` that model.
@@ -77,6 +79,8 @@ def train(
         bushseg train --from default --epochs 20
 
         bushseg train --resume runs/2026-05-01_120000
+
+        torchrun --nproc-per-node 2 -m bushseg_cli train prepared -o runs/x
     """
     from bushseg.config import Config
     from bushseg.runs import BEST, CURVES, LAST, METRICS, SETTINGS

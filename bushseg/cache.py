@@ -22,7 +22,7 @@ from bushseg.manifests import CropsManifest, ScanManifest, check_manifest
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import TileData
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 """Changes whenever prepared data of one version would be misread by another."""
 
 KEY_DIGITS = 16

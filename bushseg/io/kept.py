@@ -55,15 +55,16 @@ class KeptReader(ScanReader):
             yield from self.held
             return
         self.held = []
-        num_bytes = 0
+        keeps, num_points, num_bytes = True, 0, 0
         for chunk in self._resumed(size):
-            num_bytes += _num_bytes(chunk)
-            if num_bytes <= self._limit:
+            num_points, num_bytes = num_points + len(chunk), num_bytes + _num_bytes(chunk)
+            # By what its points took so far, the whole scan would be too large: none of it is kept.
+            if num_bytes * max(1.0, self.info.num_points / max(num_points, 1)) > self._limit:
+                keeps, self.held = False, []
+            if keeps:
                 self.held.append(chunk)
-            else:
-                self.held = []
             yield chunk
-        self._is_whole = num_bytes <= self._limit
+        self._is_whole = keeps
 
     def _resumed(self, size: int) -> Iterator[PointCloud]:
         """All chunks from the source, those read ahead first."""

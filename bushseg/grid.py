@@ -47,7 +47,7 @@ class VoxelGrid:
 
     @classmethod
     def around(cls, anchor: ArrayLike, voxel_size: float) -> Self:
-        """The grid whose middle voxel holds `anchor`, a finite point of the scan, shape (3,)."""
+        """The grid whose middle voxel holds `anchor`, finite and amid the scan, shape (3,)."""
         point = np.asarray(anchor, dtype=np.float64)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise ConfigError(f"the grid's anchor is {anchor!r}; expected three finite coordinates")

@@ -17,6 +17,8 @@ from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
 from bushseg.subsample import MAX_VOXELS, GridSubsampler, Voxels
 
+_ANCHOR_POINTS = 10_001
+
 
 @dataclass(frozen=True, slots=True)
 class VoxelScan:
@@ -91,7 +93,7 @@ def read_voxels(
         num_points += len(chunk)
         xyz = mask_no_returns(chunk.xyz, reader)
         if subsampler is None:
-            anchor = _first_finite(xyz)
+            anchor = _anchor(xyz)
             if anchor is None:
                 num_early += len(chunk)
                 continue
@@ -145,7 +147,15 @@ def _label_attribute(reader: ScanReader, label_field: str | None) -> str | None:
     return label_field
 
 
-def _first_finite(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """The first point with finite coordinates."""
-    finite = np.flatnonzero(np.isfinite(xyz).all(axis=1))
-    return xyz[finite[0]] if len(finite) else None
+def _anchor(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Where the grid is fixed: in each axis the median of the first points that are finite.
+
+    Of an even number the lower one, so that it is a coordinate of the scan's and moves with it. The
+    first point alone may be a stray one, so far away that the grid wouldn't reach the others.
+    """
+    finite = xyz[np.isfinite(xyz).all(axis=1)][:_ANCHOR_POINTS]
+    if not len(finite):
+        return None
+    middle = (len(finite) - 1) // 2
+    anchor: NDArray[np.float64] = np.partition(finite, middle, axis=0)[middle]
+    return anchor

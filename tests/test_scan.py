@@ -77,6 +77,19 @@ def test_bad_points_at_the_start_are_skipped_and_counted() -> None:
     assert (scan.num_points, scan.num_skipped, len(scan.voxels)) == (7, 5, 1)
 
 
+def test_a_stray_first_point_does_not_take_the_grid_along() -> None:
+    xyz = np.concatenate([[[1e20, 0, 0]], np.arange(30.0).reshape(10, 3)])
+    scan = read_voxels(Chunked(PointCloud(xyz), 11), 0.5)
+    assert (len(scan.voxels), scan.num_skipped) == (10, 1)
+
+
+def test_a_moved_scan_keeps_its_voxels() -> None:
+    xyz = np.random.default_rng(0).integers(0, 4096, (400, 3)) / 256
+    here, there = (read_voxels(MemoryReader(PointCloud(it)), 0.5) for it in (xyz, xyz + 2.0**20))
+    np.testing.assert_array_equal(here.voxels.keys, there.voxels.keys)
+    np.testing.assert_allclose(here.voxels.xyz, there.voxels.xyz, atol=1e-6)
+
+
 def test_no_returns_take_no_voxel() -> None:
     xyz = np.array([[0.0, 0, 0], [3, 0, 0], [0, 0, 0], [0, 0, 1e-9]])
     reader = Chunked(PointCloud(xyz), no_returns_at_origin=True)

@@ -1,6 +1,7 @@
 """A scan kept from its first reading: the same chunks again, and never more than may be kept."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,11 +48,16 @@ def test_a_small_scan_is_read_once_and_a_large_one_twice(limit: int, readings: i
     assert equal(first, second)
 
 
-def test_a_scan_beyond_the_limit_is_let_go_of_as_it_is_read() -> None:
+def test_nothing_is_kept_of_a_scan_that_will_be_beyond_the_limit() -> None:
     kept = KeptReader(make_reader(1000), limit=26 * 300)
-    chunks = kept.chunks()
-    held = [len(kept.held) for _ in chunks]
-    assert held == [1, 2, 3, 0, 0, 0, 0, 0, 0, 0]
+    assert [len(kept.held) for _ in kept.chunks()] == [0] * 10
+
+
+def test_a_scan_that_turns_out_larger_than_it_said_is_let_go_of() -> None:
+    reader = make_reader(1000)
+    reader.info = replace(reader.info, num_points=250)
+    kept = KeptReader(reader, limit=26 * 300)
+    assert [len(kept.held) for _ in kept.chunks()] == [1, 2, 3, 0, 0, 0, 0, 0, 0, 0]
 
 
 def test_a_reading_that_was_broken_off_is_not_kept() -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bushseg.checkpoint import load_model
     from bushseg.errors import BushsegError
     from bushseg.evaluation import evaluate, evaluate_arrays
+    from bushseg.folder_prediction import predict_folder
     from bushseg.info import describe
     from bushseg.io import open_scan, read
     from bushseg.labels import load_scheme
@@ -38,6 +39,7 @@ __all__ = [
     "open_scan",
     "predict",
     "predict_file",
+    "predict_folder",
     "prepare",
     "read",
     "simulate",
@@ -56,6 +58,7 @@ _HOMES = {
     "open_scan": "io",
     "predict": "prediction",
     "predict_file": "prediction",
+    "predict_folder": "folder_prediction",
     "prepare": "preparation",
     "read": "io",
     "simulate": "simulation",

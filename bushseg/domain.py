@@ -36,7 +36,6 @@ def domain_warnings(
     """
     found = (
         _units(scan, crs),
-        _features(card, scan),
         _density(card, neighbor_distance),
         *_heights(card, scan),
         _confidence(card, confidence),
@@ -62,17 +61,6 @@ def _units(scan: VoxelScan, crs: str | None) -> str | None:
     return (
         "the scan's CRS counts in feet and its coordinates were taken for metres: all is seen 3.3 "
         "times as large; reproject the scan first"
-    )
-
-
-def _features(card: ModelCard, scan: VoxelScan) -> str | None:
-    """Features that the model knows and the scan lacks."""
-    missing = [name for name in card.features if name not in scan.features]
-    if not missing:
-        return None
-    return (
-        f"the scan has no {' and no '.join(missing)}, which the model was trained with; "
-        "it does without, less surely"
     )
 
 

@@ -44,17 +44,23 @@ class Candidate:
         return self.source if isinstance(self.source, Model) else load_model(self.source)
 
 
-def candidates(model: Model | str | Path | None = None) -> list[Candidate]:
+Choice = Model | str | Path | tuple[Candidate, ...] | None
+"""What a user may say of the model to use, and what was found of it."""
+
+
+def candidates(model: Choice = None) -> list[Candidate]:
     """The models that may be used; where there are several, the data decide.
 
     Args:
         model: A model; a bundled model's name, or "default" for whichever of them suits; a model
             file, a run's folder or its name in `runs/`. None takes the newest run's best model if
-            there is one, else as "default".
+            there is one, else as "default". Candidates that were found before stay what they are.
 
     Raises:
         CheckpointError: There is no such model, or a file is damaged.
     """
+    if isinstance(model, tuple):
+        return list(model)
     if isinstance(model, Model):
         return [Candidate(str(model.path or "in memory"), model.card, model)]
     bundled = bundled_models()

@@ -28,7 +28,7 @@ from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.labeled_scan import write_labeled
 from bushseg.labeler import cut, label_tiles
-from bushseg.model_choice import Candidate, candidates, choose, suited_better
+from bushseg.model_choice import Candidate, Choice, candidates, choose, suited_better
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.scan import VoxelScan, mask_no_returns, read_voxels
@@ -52,6 +52,7 @@ class PredictResult:
         class_counts: Points per class name.
         num_unlabelled: Points that no voxel holds: not finite, no-returns.
         num_voxels: Voxels they fell into.
+        features: Which of the model's features the scan has.
         passes: Voxels that went through the network, per voxel of the scan; 1 is ideal.
         seconds: From opening the scan to the finished output.
         stages: Seconds by stage: choose and load the model, read, sub-sample, ground and
@@ -70,6 +71,7 @@ class PredictResult:
     class_counts: dict[str, int]
     num_unlabelled: int
     num_voxels: int
+    features: tuple[str, ...]
     passes: float
     seconds: float
     stages: dict[str, float]
@@ -81,7 +83,7 @@ class PredictResult:
 def predict_file(
     scan: str | Path,
     output: str | Path,
-    model: Model | str | Path | None = None,
+    model: Choice = None,
     config: PredictConfig | None = None,
     *,
     overwrite: bool = False,
@@ -98,7 +100,8 @@ def predict_file(
         output: The file to write, whole or not at all.
         model: A model; a bundled model's name, or "default" for whichever of them suits the scan; a
             model file, a run's folder or its name in `runs/`. None takes the newest run's best
-            model if there is one, else as "default".
+            model if there is one, else as "default". What
+            :func:`bushseg.model_choice.candidates` found of these is taken as well.
         config: Settings; None takes the defaults.
         overwrite: Whether an existing output may be replaced.
         progress: Told of points read, voxels labelled and points written.
@@ -154,6 +157,7 @@ def predict_file(
         class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
         num_unlabelled=int(counts[0]),
         num_voxels=len(voxel_scan.voxels),
+        features=tuple(name for name in card.features if name in voxel_scan.features),
         passes=labels.num_seen / len(voxel_scan.voxels),
         seconds=seconds,
         stages=stages.seconds,

@@ -1,22 +1,49 @@
 """`bushseg predict`."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import out, print_json, print_stages, progress, shorten, warn
+from .console import err, out, print_json, print_stages, progress, shorten, warn
 from .options import ConfigFile, Json, ModelFile, Profile, Quiet, changed
 from .verify import print_verified
 
+if TYPE_CHECKING:
+    from bushseg.config import PredictConfig
+
+_INTERRUPTED = 130
+"""Exit status of a command that Ctrl-C ended, as shells count it."""
+
 
 def predict(
-    scan: Annotated[Path, typer.Argument(help="The scan to label; it is never touched.")],
+    scans: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SCAN...", help="The scan, scans or folders to label; they are never touched."
+        ),
+    ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The labelled scan; its suffix says the format.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The labelled scan, whose suffix says the format; of several, their folder.",
+        ),
     ],
     model: ModelFile = None,
+    suffix: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="SUFFIX",
+            help="Into a folder: the outputs' suffix, such as .laz.  [default: each scan's own; "
+            ".copc.laz becomes .laz, .e57 .las, .bin .label]",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing output.")] = False,
     verify: Annotated[
         bool, typer.Option("--verify", help="Then compare the output with the scan, byte by byte.")
@@ -52,19 +79,23 @@ def predict(
     class_index, confidence and (if the model knows bush) bush_probability are added. Without a run
     in runs/ and without --model, the bundled model is taken that suits the scan's density.
 
+    Stopped or killed, the same command goes on where it was. Of a folder, the outputs have the
+    scans' places and names; what was done of the same scan with the same model and settings is
+    skipped, a broken scan doesn't stop the others, and the exit status is 1 if any failed.
+
     Examples:
 
         bushseg predict site.las -o labeled.las
 
         bushseg predict plot.laz -o labeled.laz --model close
 
+        bushseg predict scans/ -o labeled/
+
         bushseg predict frame.bin -o frame.label --model runs/2026-05-01_120000
 
         bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
     """
     from bushseg.config import Config
-    from bushseg.prediction import predict_file
-    from bushseg.verification import verify as prove
 
     given = changed(
         tile_points=tile_points,
@@ -74,6 +105,35 @@ def predict(
         asprs=_codes(asprs) if asprs else None,
     )
     settings = Config.load(config, {"predict": given}).predict
+    with _interruptible():
+        if len(scans) > 1 or scans[0].is_dir() or output.is_dir():
+            if profile:
+                raise typer.BadParameter("--profile goes with one scan and one output file")
+            _predict_folder(
+                scans, output, model, settings, suffix, overwrite, verify, quiet, as_json
+            )
+        else:
+            if suffix is not None:
+                raise typer.BadParameter("--format goes with a folder; name the output with it")
+            _predict_file(
+                scans[0], output, model, settings, overwrite, verify, profile, quiet, as_json
+            )
+
+
+def _predict_file(
+    scan: Path,
+    output: Path,
+    model: Path | None,
+    settings: "PredictConfig",
+    overwrite: bool,
+    verify: bool,
+    profile: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from bushseg.prediction import predict_file
+    from bushseg.verification import verify as prove
+
     with progress(quiet=quiet or as_json) as shown:
         result = predict_file(scan, output, model, settings, overwrite=overwrite, progress=shown)
         proof = prove(scan, result.output, progress=shown) if verify else None
@@ -88,7 +148,8 @@ def predict(
     )
     out.print(
         f"{result.output}: {result.num_points:,} points in {result.seconds:.1f} s "
-        f"({shorten(result.points_per_second)} points/s{memory}), model {result.model}"
+        f"({shorten(result.points_per_second)} points/s{memory}), model {result.model}, "
+        f"features {', '.join(result.features)}"
     )
     if result.reason:
         out.print(f"  model: {result.model}, {result.reason}")
@@ -103,6 +164,60 @@ def predict(
         print_verified(proof)
         if not proof.equal:
             raise typer.Exit(1)
+
+
+def _predict_folder(
+    scans: list[Path],
+    output: Path,
+    model: Path | None,
+    settings: "PredictConfig",
+    suffix: str | None,
+    overwrite: bool,
+    verify: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from bushseg.folder_prediction import predict_folder
+
+    with progress(quiet=quiet or as_json) as shown:
+        result = predict_folder(
+            scans,
+            output,
+            model,
+            settings,
+            suffix=suffix,
+            overwrite=overwrite,
+            verify=verify,
+            progress=shown,
+        )
+    counts = {status: result.count(status) for status in ("done", "skipped", "failed", "left")}
+    if as_json:
+        print_json({**asdict(result), "counts": counts})
+    else:
+        for scan in result.scans:
+            if scan.result is not None:
+                warn([f"{scan.input}: {warning}" for warning in scan.result.warnings])
+        for scan in result.scans:
+            if scan.error:
+                out.print(f"failed: {scan.error}")
+        out.print(
+            f"{result.output}: {counts['done']} of {len(result.scans)} scans labelled "
+            f"({result.num_points:,} points in {result.seconds:.1f} s), {counts['skipped']} done "
+            f"before, {counts['failed']} failed"
+            + (f", {counts['left']} left since the disk is full" if counts["left"] else "")
+        )
+    if not result.complete:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Say after Ctrl-C that nothing is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print("interrupted; what is done is kept, and the same command goes on from there")
+        raise typer.Exit(_INTERRUPTED) from None
 
 
 def _codes(pairs: list[str]) -> dict[str, int]:

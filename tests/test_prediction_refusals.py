@@ -39,9 +39,9 @@ def test_a_missing_feature_is_named(model, new_scene, tmp_path):
 def test_a_foreign_scan_is_labelled_with_warnings(model, new_scene, tmp_path):
     np.savetxt(tmp_path / "bare.xyz", 10 * new_scene(0, 500).xyz)
     result = predict_file(tmp_path / "bare.xyz", tmp_path / "out.las", model)
-    missing, sparse, tall = result.warnings
+    sparse, tall = result.warnings
     assert "above its ground" in tall
-    assert "no rgb and no intensity" in missing
+    assert result.features == ("height",)
     assert "sparser" in sparse
     assert len(laspy.read(tmp_path / "out.las")) == 500
 

@@ -12,9 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from bushseg.errors import ConfigError
+from bushseg.memory import parse_size
 
 Sampling = Literal["mrs", "random"]
 Precision = Literal["auto", "float32", "bfloat16"]
@@ -169,6 +177,14 @@ class TrainConfig(Section):
         return values
 
 
+def _bytes(size: Any) -> Any:
+    """A size as people write it, in bytes."""
+    try:
+        return parse_size(size) if isinstance(size, str) else size
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
+
+
 class PredictConfig(Section):
     """How a scan is labelled."""
 
@@ -182,6 +198,11 @@ class PredictConfig(Section):
         "auto",
         description="How a CPU multiplies matrices; auto: in bfloat16 where the processor has "
         "units for it (about one label in a thousand differs), else in float32",
+    )
+    max_memory: Annotated[int, BeforeValidator(_bytes)] | None = Field(
+        None,
+        description='Memory to keep within, such as "2GB"; decides the size of tiles and how many '
+        "voxels are held before they go to disk. None: tiles of tile_points",
     )
     scratch: Path | None = Field(
         None, description="Folder for what memory can't hold; None: a hidden one beside the output"

@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bushseg.bundled import bundled_models
 from bushseg.errors import ReadError
+from bushseg.estimates import Estimate, estimate
 from bushseg.features import source_columns
+from bushseg.grid import VoxelGrid
 from bushseg.io import open_scan
 from bushseg.io.base import ScanReader
 from bushseg.io.units import counts_in_feet
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
+from bushseg.scan import anchor_of
+from bushseg.voxel_count import VoxelCounter
 
 _CELL = 1.0  # metres; density is counted over occupied cells of this edge
 _MAX_CODES = 256
@@ -39,6 +44,7 @@ class ScanReport:
         label_attribute: Where class codes stand.
         classes: Points per class code.
         faults: What looks wrong, a line each.
+        estimates: What labelling it will take, by bundled model.
     """
 
     path: Path
@@ -53,6 +59,7 @@ class ScanReport:
     label_attribute: str | None = None
     classes: dict[int, int] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
+    estimates: list[Estimate] = field(default_factory=list)
 
     def lines(self) -> Iterator[str]:
         """The report for people, line by line."""
@@ -83,6 +90,13 @@ class ScanReport:
         if self.label_attribute is not None:
             codes = ", ".join(f"{code}: {count:,}" for code, count in sorted(self.classes.items()))
             yield f"  classes     ({self.label_attribute}) {codes}"
+        for one in self.estimates:
+            scratch = f", {one.scratch / 1e9:.1f} GB of scratch files" if one.scratch else ""
+            yield (
+                f"  to label    with {one.model}, voxels of {one.voxel_size:g} m: about "
+                f"{one.num_voxels:,} voxels, {_duration(one.seconds)}, "
+                f"{one.memory / 1e9:.1f} GB of memory{scratch}"
+            )
         for fault in self.faults:
             yield f"  fault       {fault}"
 
@@ -115,6 +129,8 @@ def _fill(report: ScanReport, reader: ScanReader, progress: Progress) -> None:
     codes: Counter[int] = Counter()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     num_bad = num_missing = 0
+    models = bundled_models()
+    counters: list[VoxelCounter] = []
     progress.start(f"reading {info.path.name}", info.num_points, "points")
     for chunk in reader.chunks():
         report.num_points += len(chunk)
@@ -127,6 +143,12 @@ def _fill(report: ScanReport, reader: ScanReader, progress: Progress) -> None:
         xyz = chunk.xyz[finite]
         if len(xyz):
             low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
+            anchor = anchor_of(xyz) if not counters else None
+            if anchor is not None:
+                grids = [VoxelGrid.around(anchor, model.voxel_size) for model in models]
+                counters = [VoxelCounter(grid) for grid in grids]
+            for counter in counters:
+                counter.add(xyz)
             # As complex numbers: NumPy sorts them many times as fast as rows of two.
             here = np.floor(xyz[:, :2] / _CELL).view(np.complex128)
             cells = np.unique(np.concatenate([cells, np.unique(here)]))
@@ -145,6 +167,10 @@ def _fill(report: ScanReport, reader: ScanReader, progress: Progress) -> None:
     colors = bool(varied & {"red", "green", "blue", "packed"})
     report.features = ("rgb",) * colors + ("intensity",) * ("intensity" in varied)
     report.classes = dict(codes)
+    report.estimates = [
+        estimate(model.name, model.voxel_size, report.num_points, counter.count)
+        for model, counter in zip(models, counters, strict=False)
+    ]
     report.faults = list(_faults(report, reader, num_bad, num_missing))
 
 
@@ -176,6 +202,13 @@ def _faults(
             yield f"points lie up to {outside:,.2f} outside the bounds that the header states"
     if counts_in_feet(report.crs):
         yield "the CRS counts in feet; coordinates are taken for metres: reproject the scan first"
+
+
+def _duration(seconds: float) -> str:
+    """A rough duration for people."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def _number(value: float) -> str:

@@ -26,14 +26,18 @@ from bushseg.errors import CacheError, DataError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
+from bushseg.io.sizes import least_bytes
 from bushseg.labeled_scan import write_labeled
 from bushseg.labeler import cut, label_tiles
+from bushseg.memory import fit
 from bushseg.model_choice import Candidate, Choice, candidates, choose, suited_better
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
+from bushseg.room import check_room
 from bushseg.scan import VoxelScan, mask_no_returns, read_voxels
 from bushseg.stages import Stages
 from bushseg.stored_scan import open_stored, store_scan
+from bushseg.subsample import MAX_VOXELS
 from bushseg.tiling import Tiling
 from bushseg.voxel_labels import label_voxels
 from bushseg.workspace import workspace
@@ -113,6 +117,9 @@ def predict_file(
         BushsegError: The scan can't be read, the model doesn't fit, or the output can't be written.
     """
     config = config or PredictConfig()
+    if config.max_memory is not None:
+        sizes = fit(config.max_memory)
+        config = config.model_copy(update={"tile_points": sizes.tile_points})
     scan, output = Path(scan), Path(output)
     check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
     suffix = io.suffix_of(output)
@@ -125,6 +132,8 @@ def predict_file(
         candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
     with io.open_scan(scan) as reader:
         kept = KeptReader(reader)
+        needed = least_bytes(reader, suffix)
+        check_room(output.parent, needed, "the labelled scan", "write it elsewhere")
         with stages.timed("choose the model"):
             chosen, reason = choose(known, kept)
             misfit = None if reason else suited_better(chosen, kept)
@@ -210,7 +219,9 @@ def _identity(scan: Path, chosen: Candidate, config: PredictConfig) -> dict[str,
     """All that the labels of a scan's voxels follow from."""
     # A model that is in memory alone has no name to know it by: what is done can't be taken up.
     model = file_hash(chosen.source) if isinstance(chosen.source, Path) else secrets.token_hex()
-    settings = config.model_dump(mode="json", include={"tile_points", "halo", "precision"})
+    settings = config.model_dump(
+        mode="json", include={"tile_points", "halo", "precision", "max_memory"}
+    )
     return {"scan": identity(scan), "model": model, "settings": settings}
 
 
@@ -229,7 +240,12 @@ def _voxels(
     with suppress(CacheError):
         return open_stored(place)
     scan = read_voxels(
-        kept, model.card.prepare.voxel_size, progress=progress, stages=stages, folder=place
+        kept,
+        model.card.prepare.voxel_size,
+        progress=progress,
+        stages=stages,
+        folder=place,
+        max_voxels=MAX_VOXELS if config.max_memory is None else fit(config.max_memory).max_voxels,
     )
     with stages.timed("tiling"):
         tiling = cut(model, scan, config)

@@ -13,11 +13,13 @@ from bushseg.grid import VoxelGrid
 from bushseg.ground import Ground
 from bushseg.io.base import ScanReader
 from bushseg.progress import SILENT, Progress
+from bushseg.room import SCRATCH_VOXEL, check_room
 from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
 from bushseg.subsample import MAX_VOXELS, GridSubsampler, Voxels
 
 _ANCHOR_POINTS = 10_001
+_OTHER_SCRATCH = "name a folder elsewhere with --scratch"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,7 @@ def read_voxels(
     Raises:
         DataError: No point has finite coordinates, or `label_field` is no attribute of the scan.
         ReadError: The file is damaged.
-        WriteError: The scratch folder can't hold the voxels.
+        WriteError: The scratch folder can't hold the voxels, or won't.
     """
     info, stages = reader.info, stages or Stages()
     field = _label_attribute(reader, label_field) if scheme is not None else None
@@ -89,11 +91,12 @@ def read_voxels(
     subsampler: GridSubsampler | None = None
     unknown = UnknownCodes()
     num_points = num_early = 0
+    checked = False
     for chunk in stages.each("read", reader.chunks()):
         num_points += len(chunk)
         xyz = mask_no_returns(chunk.xyz, reader)
         if subsampler is None:
-            anchor = _anchor(xyz)
+            anchor = anchor_of(xyz)
             if anchor is None:
                 num_early += len(chunk)
                 continue
@@ -108,6 +111,10 @@ def read_voxels(
         with stages.timed("sub-sample"):
             subsampler.add(xyz, source_values(chunk, columns), labels)
         progress.advance(len(chunk))
+        if folder is not None and not checked and subsampler.num_spilled:
+            checked = True
+            voxels_expected = subsampler.num_spilled * info.num_points / num_points
+            check_room(folder, SCRATCH_VOXEL * voxels_expected, "scratch data", _OTHER_SCRATCH)
     if subsampler is None:
         raise DataError(f"{info.path}: none of its {num_points} points has finite coordinates")
     with stages.timed("sub-sample"):
@@ -147,7 +154,7 @@ def _label_attribute(reader: ScanReader, label_field: str | None) -> str | None:
     return label_field
 
 
-def _anchor(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def anchor_of(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Where the grid is fixed: in each axis the median of the first points that are finite.
 
     Of an even number the lower one, so that it is a coordinate of the scan's and moves with it. The

@@ -92,6 +92,11 @@ class GridSubsampler:
         self._limit = _NO_LIMIT if folder is None else max_voxels
         self._runs = Runs(Scratch(folder))
 
+    @property
+    def num_spilled(self) -> int:
+        """Voxels that went to disk so far, some of them more than once."""
+        return self._runs.num_rows
+
     def add(
         self,
         xyz: NDArray[np.float64],

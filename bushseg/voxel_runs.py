@@ -31,6 +31,11 @@ class Runs:
     def __len__(self) -> int:
         return len(self._runs)
 
+    @property
+    def num_rows(self) -> int:
+        """Rows of all runs."""
+        return sum(len(run.keys) for run in self._runs)
+
     def write(self, sums: Sums, size: int) -> None:
         """Write the first `size` rows of a table down as a run."""
         order = np.argsort(sums.keys[:size])

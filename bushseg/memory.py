@@ -1,0 +1,84 @@
+"""Settings that keep `predict` within a given memory.
+
+Three things take it: the program itself with its compiled loops; while a scan is read, a table of
+voxels and chunks of points; while it is labelled, one tile and the network's features of it. The
+last two don't come at once. `benchmarks/memory.py` measures the figures.
+"""
+
+import re
+from dataclasses import dataclass
+
+from bushseg.errors import ConfigError
+
+PROGRAM = 850_000_000
+"""Bytes of the program with PyTorch, its compiled loops and a network."""
+
+READING = 700_000_000
+"""Bytes of the program and a chunk of points on its way into voxels, the table aside."""
+
+TILE_VOXEL = 450
+"""Bytes that a voxel of a tile or its halo takes while it is labelled."""
+
+TABLE_VOXEL = 200
+"""Bytes that a voxel takes in the table, which is sorted in the end."""
+
+HALO = 1.4
+"""Voxels of a tile with its halo, per voxel of its core; of smaller tiles more."""
+
+_LEAST_TILE, _MOST_TILE = 100_000, 5_000_000
+_LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 23
+_UNITS = ("", "k", "m", "g", "t")
+_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", re.IGNORECASE | re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """What memory is spent on.
+
+    Attributes:
+        tile_points: Voxels in a tile's core.
+        max_voxels: Voxels in the table, before they go to disk.
+    """
+
+    tile_points: int
+    max_voxels: int
+
+    @property
+    def num_bytes(self) -> int:
+        """The memory they take, at most."""
+        labelling = PROGRAM + int(HALO * TILE_VOXEL * self.tile_points)
+        return max(labelling, READING + TABLE_VOXEL * self.max_voxels)
+
+
+LEAST = Sizes(_LEAST_TILE, _LEAST_TABLE)
+"""Below this, tiles would be little more than halo."""
+
+
+def parse_size(text: str) -> int:
+    """Bytes from "2GB", "1.5 GiB", "800M" or a plain number.
+
+    Raises:
+        ConfigError: It is none of these.
+    """
+    found = _SIZE.fullmatch(text)
+    if found is None:
+        raise ConfigError(f"{text!r} is no size; expected a number and a unit, such as 2GB")
+    number, unit, binary = found.groups()
+    return int(float(number) * (1024 if binary else 1000) ** _UNITS.index(unit.lower()))
+
+
+def fit(max_memory: int) -> Sizes:
+    """The largest sizes that keep within so many bytes.
+
+    Raises:
+        ConfigError: Nothing does.
+    """
+    if max_memory < LEAST.num_bytes:
+        raise ConfigError(
+            f"max_memory is {max_memory / 1e9:.2f} GB; labelling takes at least "
+            f"{LEAST.num_bytes / 1e9:.2f} GB: allow as much"
+        )
+    return Sizes(
+        tile_points=min(int((max_memory - PROGRAM) / (HALO * TILE_VOXEL)), _MOST_TILE),
+        max_voxels=min((max_memory - READING) // TABLE_VOXEL, _MOST_TABLE),
+    )

@@ -1,0 +1,42 @@
+"""Sizes that fit a given memory."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bushseg.errors import ConfigError
+from bushseg.memory import LEAST, fit, parse_size
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("2GB", 2_000_000_000),
+        ("1.5 GiB", 1_610_612_736),
+        ("800M", 800_000_000),
+        ("123", 123),
+        (" 4 kb ", 4_000),
+        ("1t", 10**12),
+    ],
+)
+def test_sizes_as_people_write_them(text: str, size: int) -> None:
+    assert parse_size(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "GB", "-1GB", "2XB", "1,5GB", "nan", "٢GB"])
+def test_what_is_no_size(text: str) -> None:
+    with pytest.raises(ConfigError, match="is no size; expected a number and a unit"):
+        parse_size(text)
+
+
+@given(st.integers(LEAST.num_bytes, 10**13))
+def test_what_is_chosen_fits(max_memory: int) -> None:
+    sizes = fit(max_memory)
+    assert sizes.num_bytes <= max_memory
+    assert sizes.tile_points >= LEAST.tile_points
+    assert sizes.max_voxels >= LEAST.max_voxels
+
+
+def test_too_little_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 0\.9"):
+        fit(500_000_000)

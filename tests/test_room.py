@@ -1,0 +1,22 @@
+"""What can't be finished isn't begun."""
+
+import shutil
+from collections import namedtuple
+from pathlib import Path
+
+import pytest
+
+from bushseg.errors import WriteError
+from bushseg.room import check_room
+
+
+def test_a_disk_with_too_little_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**12, 0, 3 * 10**9))
+    check_room(tmp_path / "new" / "folder", 3e9, "the scan", "write it elsewhere")
+    with pytest.raises(
+        WriteError, match=r"the scan will take about 3\.01 GB, but 3\.00 GB are free"
+    ):
+        check_room(tmp_path / "new" / "folder", 3.01e9, "the scan", "write it elsewhere")
+    with pytest.raises(WriteError, match="or write it elsewhere"):
+        check_room(Path("relative"), 4e9, "the scan", "write it elsewhere")

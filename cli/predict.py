@@ -64,6 +64,13 @@ def predict(
     halo: Annotated[
         int | None, typer.Option(help="Context around a tile, voxels.  [default: the model's]")
     ] = None,
+    max_memory: Annotated[
+        str | None, typer.Option(help="Memory to keep within, such as 2GB; sizes the tiles.")
+    ] = None,
+    scratch: Annotated[
+        Path | None,
+        typer.Option(help="Folder for what memory can't hold.  [default: beside the output]"),
+    ] = None,
     precision: Annotated[
         str | None,
         typer.Option(help="Products on a CPU: float32, bfloat16 or auto.  [default: auto]"),
@@ -94,12 +101,16 @@ def predict(
         bushseg predict frame.bin -o frame.label --model runs/2026-05-01_120000
 
         bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
+
+        bushseg predict county.laz -o labeled.laz --max-memory 2GB --scratch /big/disk
     """
     from bushseg.config import Config
 
     given = changed(
         tile_points=tile_points,
         halo=halo,
+        max_memory=max_memory,
+        scratch=scratch,
         precision=precision,
         keep_classification=keep_classification,
         asprs=_codes(asprs) if asprs else None,

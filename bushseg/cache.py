@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from bushseg.errors import CacheError
+from bushseg.errors import CacheError, WriteError
 from bushseg.features import FEATURES
 from bushseg.files import atomic_path
 from bushseg.manifests import CropsManifest, ScanManifest, check_manifest
@@ -59,9 +59,16 @@ def fingerprint(values: Mapping[str, Any]) -> str:
 
 
 def write_json(path: Path, values: Mapping[str, Any]) -> None:
-    """Write a manifest."""
-    with atomic_path(path) as partial:
-        partial.write_text(json.dumps(values, indent=1), encoding="utf-8")
+    """Write a manifest.
+
+    Raises:
+        WriteError: The disk is full or the folder can't be written to.
+    """
+    try:
+        with atomic_path(path) as partial:
+            partial.write_text(json.dumps(values, indent=1), encoding="utf-8")
+    except OSError as error:
+        raise _refused(path, error) from error
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -120,9 +127,23 @@ def member(folder: Path, name: object) -> Path:
 
 
 def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
-    """Write tensors as one safetensors file."""
-    with atomic_path(path) as partial:
-        save_file({name: np.ascontiguousarray(t) for name, t in tensors.items()}, partial)
+    """Write tensors as one safetensors file.
+
+    Raises:
+        WriteError: The disk is full or the folder can't be written to.
+    """
+    try:
+        with atomic_path(path) as partial:
+            save_file({name: np.ascontiguousarray(t) for name, t in tensors.items()}, partial)
+    except (OSError, SafetensorError) as error:
+        raise _refused(path, error) from error
+
+
+def _refused(path: Path, error: Exception) -> WriteError:
+    return WriteError(
+        f"{path}: can't be written ({error}); make room on the disk, then give the same command "
+        "again: it goes on from here"
+    )
 
 
 def load_tensors(path: Path) -> dict[str, NDArray[Any]]:

@@ -17,13 +17,14 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
     The temporary file is synced before it is renamed, so that after a crash `path` holds either its
     old content or all of the new. A symbolic link is followed: its target is replaced, the link
-    stays. If the block raises, the temporary file is removed and `path` is untouched.
+    stays. If the block raises, the temporary file is removed and `path` is untouched; a WriteError
+    of the block that names the temporary file names `path` instead.
 
     Args:
         path: Where the output shall stand. Its folder is created if need be.
 
     Raises:
-        WriteError: The folder can't be created or written to.
+        WriteError: The folder can't be created or written to, or the disk is full.
     """
     target = Path(os.path.realpath(path))
     try:
@@ -38,13 +39,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     partial = Path(name)
     try:
         yield partial
-        _sync(partial)
-        partial.chmod(_default_mode())
-        partial.replace(target)
-        _sync(target.parent)
-    except BaseException:
+        _move(partial, target, path)
+    except BaseException as error:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+        if isinstance(error, WriteError) and name in str(error):
+            raise WriteError(str(error).replace(name, str(path))) from error
         raise
 
 
@@ -89,6 +89,17 @@ def check_output(
             raise WriteError(f"{path}: is the input itself; choose another output name")
     if not overwrite:
         raise WriteError(f"{path}: exists already; pass --overwrite to replace it")
+
+
+def _move(partial: Path, target: Path, path: str | Path) -> None:
+    """Put a finished file where it belongs."""
+    try:
+        _sync(partial)
+        partial.chmod(_default_mode())
+        partial.replace(target)
+    except OSError as error:
+        raise WriteError(f"{path}: can't be written ({error.strerror or error})") from error
+    _sync(target.parent)
 
 
 def _sync(path: Path) -> None:

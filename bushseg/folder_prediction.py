@@ -1,6 +1,7 @@
 """Many scans in, many labelled scans out; what is done is skipped, what is broken passed over."""
 
 import errno
+import re
 import secrets
 import time
 from collections.abc import Iterable, Sequence
@@ -197,7 +198,10 @@ def _identity(scan: Path) -> dict[str, object]:
 def _is_full(error: BaseException | None) -> bool:
     """Whether the disk is to blame, so that no other scan would fare better."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in _FULL:
+        # What libraries written in Rust say of the system ends so.
+        told = re.search(r"\(os error (\d+)\)", str(error))
+        number = error.errno if isinstance(error, OSError) else told and int(told[1])
+        if number in _FULL:
             return True
         error = error.__cause__ or error.__context__
     return False

@@ -40,7 +40,7 @@ from bushseg.stored_scan import open_stored, store_scan
 from bushseg.subsample import MAX_VOXELS
 from bushseg.tiling import Tiling
 from bushseg.voxel_labels import label_voxels
-from bushseg.workspace import workspace
+from bushseg.workspace import remove_finished, workspace
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +121,7 @@ def predict_file(
         sizes = fit(config.max_memory)
         config = config.model_copy(update={"tile_points": sizes.tile_points})
     scan, output = Path(scan), Path(output)
+    remove_finished(output, config.scratch)
     check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
     suffix = io.suffix_of(output)
     io.check_writable(output, suffix)

@@ -17,8 +17,10 @@ from bushseg.codes import Encoded, UnknownCodes
 from bushseg.config import PrepareConfig
 from bushseg.errors import DataError
 from bushseg.features import FEATURES
+from bushseg.files import remove_partials
 from bushseg.io import find_scans
 from bushseg.labels import load_scheme
+from bushseg.locks import locked
 from bushseg.manifests import CropsManifest, ScanManifest
 from bushseg.prepared import (
     DATASET,
@@ -96,21 +98,35 @@ def prepare(
         What was done.
 
     Raises:
-        BushsegError: A scan can't be read, a setting doesn't fit, or there is no scan at all.
+        BushsegError: A scan can't be read, a setting doesn't fit, there is no scan at all, the disk
+            is full, or another process prepares into this folder.
     """
     config = config or PrepareConfig()
     scheme = load_scheme(config.scheme)
     scans = find_scans(paths)
     if not scans:
         raise DataError(f"{', '.join(map(str, paths))}: no scan found; give scans or their folder")
+    with locked(output):
+        return _prepare(scans, Path(output), config, scheme, progress)
+
+
+def _prepare(
+    scans: Sequence[Path],
+    folder: Path,
+    config: PrepareConfig,
+    scheme: ClassScheme,
+    progress: Progress,
+) -> PrepareResult:
+    """Make what isn't there, in a folder that nobody else writes to."""
     begun, stages = time.perf_counter(), Stages()
-    folder = Path(output)
+    remove_partials(folder / DATASET)
     manifests, num_redone = [], 0
     for path in scans:
         key = scan_key(path, config, scheme)
         place = folder / "scans" / f"{path.name.split('.')[0][:60]}-{key}"
         manifest = read_finished(place / MANIFEST, tile_name, ScanManifest)
         if manifest is None:
+            shutil.rmtree(place, ignore_errors=True)  # what a killed run left
             manifest = write_tiles(path, place, config, scheme, progress, stages)
             num_redone += 1
         manifests.append({**manifest, "folder": f"scans/{place.name}"})
@@ -120,6 +136,7 @@ def prepare(
     drawn = read_finished(crops / MANIFEST, crop_name, CropsManifest)
     crops_redone = drawn is None
     if drawn is None:
+        shutil.rmtree(crops, ignore_errors=True)
         drawn = write_crops(folder, crops, manifests, class_counts, config, progress, stages)
     features = [manifest["features"] for manifest in manifests]
     dataset = {

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bushseg.cache import fingerprint
+from bushseg.errors import WriteError
 from bushseg.files import remove_partials
 from bushseg.locks import LOCK, locked
 
@@ -37,9 +38,7 @@ def workspace(
     Raises:
         WriteError: Another process works on this output, or nothing can be written there.
     """
-    target = Path(os.path.realpath(output))
-    digest = hashlib.sha256(os.fsencode(target)).hexdigest()[:8]
-    root = (folder or target.parent) / f".{target.name[:40]}-{digest}.bushseg"
+    root = _root(output, folder)
     place = root / fingerprint(identity)
     try:
         with locked(root):
@@ -52,3 +51,31 @@ def workspace(
     finally:
         with suppress(OSError):  # it isn't empty: there is something to go on with
             root.rmdir()
+
+
+def remove_finished(output: Path, folder: Path | None = None) -> None:
+    """Remove what a run left that was killed when its output was done, before it had tidied up.
+
+    Args:
+        output: The output; nothing is done unless it is newer than all that was left.
+        folder: As :func:`workspace` takes it.
+    """
+    root = _root(output, folder)
+    try:
+        left = [path for path in root.iterdir() if path.name != LOCK]
+        files = [file for path in left for file in path.rglob("*")]
+        newest = max((file.stat().st_mtime_ns for file in files), default=0)
+        if newest >= output.stat().st_mtime_ns:
+            return
+        with locked(root):
+            for path in left:
+                shutil.rmtree(path, ignore_errors=True)
+        root.rmdir()
+    except (OSError, WriteError):  # there is nothing, or somebody is at work
+        return
+
+
+def _root(output: Path, folder: Path | None) -> Path:
+    target = Path(os.path.realpath(output))
+    digest = hashlib.sha256(os.fsencode(target)).hexdigest()[:8]
+    return (folder or target.parent) / f".{target.name[:40]}-{digest}.bushseg"

@@ -1,8 +1,11 @@
 """A tiny site with exact labels, prepared once and learnt once, for all tests that need a model."""
 
+import multiprocessing
 import os
+import signal
 import socket
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -230,3 +233,81 @@ def start_ranks() -> Iterator[Callable[..., list[subprocess.Popen[str]]]]:
     for process in started:
         process.kill()
         process.communicate()
+
+
+_COMMAND = """
+import os, sys
+os.setsid()
+handle = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+os.dup2(handle, 1), os.dup2(handle, 2)
+if file_size is not None:  # a file that may not grow further looks to us like a full disk
+    import resource
+    resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
+exec(before)
+sys.argv = ["bushseg", *arguments]
+from bushseg_cli.main import main
+main()
+"""
+
+
+class Command:
+    """`bushseg ARGUMENTS` in a process that has imported nearly everything already.
+
+    Attributes:
+        said: What it says goes into this file.
+    """
+
+    def __init__(
+        self, said: Path, arguments: list[object], before: str, file_size: int | None
+    ) -> None:
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(["bushseg.training", "bushseg.prediction"])
+        names = {
+            "said": str(said),
+            "arguments": list(map(str, arguments)),
+            "before": before,
+            "file_size": file_size,
+        }
+        self.said = said
+        self._process = context.Process(target=exec, args=(_COMMAND, names))
+        self._process.start()
+
+    def is_running(self) -> bool:
+        return self._process.exitcode is None
+
+    def wait_for(self, folder: Path, pattern: str) -> None:
+        """Until a file is there, or the command has ended."""
+        while self.is_running() and not any(folder.glob(pattern)):
+            time.sleep(0.005)
+
+    def send(self, number: signal.Signals) -> None:
+        """A signal to the process and all that it has started, as a terminal sends it."""
+        assert self._process.pid is not None
+        os.killpg(self._process.pid, number)
+
+    def kill(self) -> None:
+        self._process.kill()
+
+    def wait(self) -> int:
+        """Its exit status."""
+        self._process.join(120)
+        status = self._process.exitcode
+        if status is None:
+            self.kill()
+            raise AssertionError(f"it doesn't end; it said {self.said.read_text()!r}")
+        return status
+
+
+@pytest.fixture
+def start_command(tmp_path: Path) -> Iterator[Callable[..., Command]]:
+    """Start `bushseg ARGUMENTS`; `before` is Python to be run there first."""
+    started: list[Command] = []
+
+    def start(*arguments: object, before: str = "", file_size: int | None = None) -> Command:
+        said = tmp_path / f".said-{len(started)}"
+        started.append(Command(said, list(arguments), before, file_size))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.kill()

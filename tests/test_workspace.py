@@ -1,11 +1,14 @@
 """A folder that stays while there is something to go on with."""
 
+import os
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from bushseg.errors import WriteError
-from bushseg.workspace import workspace
+from bushseg.locks import locked
+from bushseg.workspace import remove_finished, workspace
 
 
 def test_nothing_is_left_of_a_run_that_ended_well(tmp_path: Path) -> None:
@@ -60,3 +63,36 @@ def test_a_folder_elsewhere_and_long_names(tmp_path: Path) -> None:
     with workspace(output, {}, tmp_path / "scratch") as place:
         place.mkdir()
         assert (tmp_path / "scratch") in place.parents
+
+
+def leave(output: Path) -> Path:
+    """What a killed run leaves."""
+    with suppress(KeyboardInterrupt), workspace(output, {}) as place:
+        place.mkdir()
+        (place / "tile").touch()
+        raise KeyboardInterrupt
+    return place / "tile"
+
+
+def test_a_run_killed_after_its_output_was_done(tmp_path: Path) -> None:
+    output = tmp_path / "out.las"
+    tile = leave(output)
+    remove_finished(output)
+    assert tile.exists()  # no output: there is something to go on with
+    output.touch()
+    os.utime(tile, ns=(0, output.stat().st_mtime_ns - 1))
+    with locked(tile.parents[1]):
+        remove_finished(output)
+        assert tile.exists()
+    remove_finished(output)
+    assert list(tmp_path.iterdir()) == [output]
+    remove_finished(output)
+
+
+def test_what_is_newer_than_the_output_is_to_replace_it(tmp_path: Path) -> None:
+    output = tmp_path / "out.las"
+    output.touch()
+    tile = leave(output)
+    os.utime(tile, ns=(0, output.stat().st_mtime_ns + 1))
+    remove_finished(output)
+    assert tile.exists()

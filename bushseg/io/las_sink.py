@@ -116,7 +116,8 @@ class LasSink:
                 self._file.writelines(vlrs)
                 self._file.write(gap)
                 if laszip is not None:
-                    self._compressor = lazrs.ParLasZipCompressor(self._file, laszip)
+                    self._told = _Told(self._file)
+                    self._compressor = lazrs.ParLasZipCompressor(self._told, laszip)
             except BaseException:
                 self.close()
                 raise
@@ -228,10 +229,36 @@ class LasSink:
         """Turn what the disk and lazrs refuse into a WriteError."""
         path = self._path
         try:
-            with lazrs_errors(lambda reason: WriteError(f"{path}: can't compress ({reason})")):
-                yield
+            try:
+                with lazrs_errors(lambda reason: WriteError(f"{path}: can't compress ({reason})")):
+                    yield
+            except WriteError:
+                if self._compressor is not None and self._told.refusal is not None:
+                    raise self._told.refusal from None  # lazrs only says that there was one
+                raise
         except OSError as error:
             raise WriteError(f"{path}: can't write ({error.strerror or error})") from error
+
+
+class _Told:
+    """A file as lazrs wants it, which remembers what the disk refused to do.
+
+    Attributes:
+        refusal: The last error of a write.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.refusal: OSError | None = None
+        self.seek, self.tell, self.flush = file.seek, file.tell, file.flush
+
+    def write(self, data: bytes) -> int:
+        """Write as the file does."""
+        try:
+            return self._file.write(data)
+        except OSError as error:
+            self.refusal = error
+            raise
 
 
 def _copy_range(source: BinaryIO, target: BinaryIO, offset: int, length: int) -> None:

@@ -1,0 +1,109 @@
+"""Prepare that is killed at any moment: the same command goes on, and comes to the same files."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bushseg.errors import WriteError
+from bushseg.locks import locked
+from bushseg.preparation import prepare
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def finished(folder: Path) -> dict[Path, os.stat_result]:
+    """The files of complete scans."""
+    return {
+        path: path.stat()
+        for manifest in folder.glob("scans/*/manifest.json")
+        for path in manifest.parent.glob("[!.]*")
+    }
+
+
+def kill_until_done(start, folder: Path, seconds: float, seed: int, most: int) -> int:
+    """Start, kill at any moment, start again; says how often it was killed."""
+    kept: dict[Path, os.stat_result] = {}
+    for killed, share in enumerate(np.random.default_rng(seed).uniform(0, 1, most)):
+        command = start()
+        command.wait_for(folder, ".lock")
+        time.sleep(share * seconds)
+        command.kill()
+        status = command.wait()
+        assert status in (0, -9), command.said.read_text()
+        now = finished(folder)
+        assert kept.items() <= now.items()  # no finished scan is touched again
+        kept = now
+        if status == 0:
+            return killed
+    command = start()
+    assert command.wait() == 0, command.said.read_text()
+    assert kept.items() <= finished(folder).items()
+    return most
+
+
+def check_killed(start_command, scans, settings, tmp_path, seed: int, most: int) -> int:
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    common = ("prepare", scans, "-c", settings, "-q", "-o")
+    command = start_command(*common, whole)
+    command.wait_for(whole, ".lock")
+    begun = time.perf_counter()
+    assert command.wait() == 0, command.said.read_text()
+    seconds = time.perf_counter() - begun
+    times = kill_until_done(lambda: start_command(*common, killed), killed, seconds, seed, most)
+    assert times >= 1
+    assert contents(killed) == contents(whole)
+    return times
+
+
+@pytest.fixture
+def settings(tiny, tmp_path) -> Path:
+    path = tmp_path / "tiny.toml"
+    path.write_text(tiny().to_toml())
+    return path
+
+
+def test_killed_at_random_moments(start_command, scans, settings, tmp_path):
+    check_killed(start_command, scans, settings, tmp_path, seed=1, most=4)
+
+
+@pytest.mark.slow
+def test_killed_at_many_moments(start_command, scans, settings, tmp_path):
+    times = 0
+    for seed in range(100):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        times += check_killed(start_command, scans, settings, folder, seed, most=5)
+        if times >= 40:
+            return
+    raise AssertionError(f"killed only {times} times")
+
+
+def test_what_a_killed_run_left_is_removed(scans, tiny, tmp_path):
+    whole = prepare([scans], tmp_path / "whole", tiny().prepare).folder
+    folder = prepare([scans], tmp_path / "killed", tiny().prepare).folder
+    tile = next(folder.glob("scans/*/tile_0000*"))
+    crop = next(folder.glob("crops-*/crop_00000*"))
+    for finished_file in (tile, crop, folder / "dataset.json"):
+        partial = f".{finished_file.stem}-abcd1234.partial{finished_file.suffix}"
+        finished_file.with_name(partial).write_text("half")
+    for path in (tile, crop):
+        path.with_name("manifest.json").unlink()
+    prepare([scans], folder, tiny().prepare)
+    assert contents(folder) == contents(whole)
+
+
+def test_two_at_once(scans, tiny, tmp_path):
+    with locked(tmp_path / "data"), pytest.raises(WriteError, match="at work here"):
+        prepare([scans], tmp_path / "data", tiny().prepare)

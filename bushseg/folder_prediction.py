@@ -33,7 +33,7 @@ Status = Literal["done", "skipped", "failed", "left"]
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 """What the system says when no further scan could be written either."""
 
-_SETTINGS = {"tile_points", "halo", "precision", "keep_classification", "asprs"}
+_SETTINGS = {"tile_points", "max_memory", "halo", "precision", "keep_classification", "asprs"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from bushseg.errors import WriteError
 
 _PARTIAL = ".partial"
+_LONGEST_NAME = 255  # bytes, of every common file system
 
 
 @contextmanager
@@ -77,9 +78,11 @@ def check_output(
         overwrite: Whether an existing output may be replaced.
 
     Raises:
-        WriteError: The output is one of the inputs, is a folder, or exists and may not be replaced.
+        WriteError: The output is one of the inputs, is a folder, exists and may not be replaced, or
+            has a name that can't be.
     """
     path = Path(output)
+    _check_name(path)
     if path.is_dir():
         raise WriteError(f"{path}: is a folder; give the output a file name")
     if not path.exists():
@@ -89,6 +92,26 @@ def check_output(
             raise WriteError(f"{path}: is the input itself; choose another output name")
     if not overwrite:
         raise WriteError(f"{path}: exists already; pass --overwrite to replace it")
+
+
+def _check_name(path: Path) -> None:
+    """Refuse what no file can be called: it would show only when all the work is done."""
+    shown = f"{str(path)[:60]}..."
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    if longest > _LONGEST_NAME:
+        raise WriteError(
+            f"{shown}: a name of {longest} bytes; files and folders may have names of "
+            f"{_LONGEST_NAME}, choose a shorter one"
+        )
+    try:
+        path.exists()
+    except OSError as error:  # the path as a whole is too long
+        raise WriteError(
+            f"{shown}: can't write here ({error.strerror or error}), a path of "
+            f"{len(os.fsencode(path))} bytes; choose another folder"
+        ) from error
+    if Path(os.path.realpath(path)).is_symlink():
+        raise WriteError(f"{path}: is a link that leads in a circle; remove it")
 
 
 def _move(partial: Path, target: Path, path: str | Path) -> None:

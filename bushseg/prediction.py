@@ -27,7 +27,7 @@ from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.io.sizes import least_bytes
-from bushseg.labeled_scan import write_labeled
+from bushseg.labeled_scan import LAS_SUFFIXES, write_labeled
 from bushseg.labeler import cut, label_tiles
 from bushseg.memory import fit
 from bushseg.model_choice import Candidate, Choice, candidates, choose, suited_better
@@ -40,6 +40,7 @@ from bushseg.stored_scan import open_stored, store_scan
 from bushseg.subsample import MAX_VOXELS
 from bushseg.tiling import Tiling
 from bushseg.voxel_labels import label_voxels
+from bushseg.waveforms import plan_waveforms
 from bushseg.workspace import remove_finished, workspace
 
 
@@ -133,7 +134,10 @@ def predict_file(
         candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
     with io.open_scan(scan) as reader:
         kept = KeptReader(reader)
-        needed = least_bytes(reader, suffix)
+        waves = None
+        if suffix in LAS_SUFFIXES:
+            waves = plan_waveforms(reader.info, output, overwrite=overwrite)
+        needed = least_bytes(reader, suffix) + (waves.num_bytes if waves else 0)
         check_room(output.parent, needed, "the labelled scan", "write it elsewhere")
         with stages.timed("choose the model"):
             chosen, reason = choose(known, kept)
@@ -149,6 +153,8 @@ def predict_file(
                 counts, lost = write_labeled(
                     kept, partial, suffix, labels.stitcher, card.scheme, config, progress, stages
                 )
+                if waves is not None:  # an output that stands has all it refers to
+                    waves.write()
             warnings = domain_warnings(
                 card,
                 voxel_scan,
@@ -173,7 +179,11 @@ def predict_file(
         stages=stages.seconds,
         points_per_second=num_points / seconds,
         peak_memory=peak_memory(),
-        warnings=(*filter(None, [misfit]), *warnings, *filter(None, [lost])),
+        warnings=(
+            *filter(None, [misfit]),
+            *warnings,
+            *filter(None, [lost, waves.warning if waves else None]),
+        ),
     )
 
 

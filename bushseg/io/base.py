@@ -47,6 +47,8 @@ class ScanInfo:
         sensor_position: (3,) float64, where the sensor stood in the scan's coordinates; or None.
         no_returns_at_origin: Whether a point at exactly (0, 0, 0) stands for a pulse that did not
             return: kept in every output, never fed to the network.
+        waveforms: The file beside the scan in which its points' waveforms are, whether or not it is
+            there; None where it has none, or has them inside.
     """
 
     path: Path
@@ -58,6 +60,7 @@ class ScanInfo:
     crs: str | None = None
     sensor_position: NDArray[np.float64] | None = None
     no_returns_at_origin: bool = False
+    waveforms: Path | None = None
 
 
 class ScanReader(ABC):

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from bushseg.errors import ReadError
 from bushseg.io.base import CHUNK_POINTS, ScanInfo, ScanReader, chunk_points
 from bushseg.io.las_crs import read_crs
-from bushseg.io.las_header import RECORD_SIZES, LasHeader, read_header
+from bushseg.io.las_header import (
+    RECORD_SIZES,
+    WAVEFORM_EXTERNAL_BIT,
+    WAVEFORM_FORMATS,
+    LasHeader,
+    read_header,
+)
 from bushseg.io.las_points import (
     DESCRIPTOR_BYTES,
     EXTRA_BYTES_RECORD,
@@ -117,6 +123,7 @@ class LasReader(ScanReader):
         kind = "LAZ" if header.compressed else "LAS"
         if any(record.user_id == "copc" for record in header.vlrs):
             kind = "COPC LAZ"
+        outside = header.global_encoding & WAVEFORM_EXTERNAL_BIT and header.waveform is None
         return ScanInfo(
             path=path,
             format=f"{kind} 1.{header.minor} point format {header.point_format}",
@@ -125,4 +132,9 @@ class LasReader(ScanReader):
             label_attribute="classification",
             bounds=header.bounds,
             crs=read_crs(header, self._file),
+            waveforms=(
+                path.with_suffix(".wdp")
+                if outside and header.point_format in WAVEFORM_FORMATS
+                else None
+            ),
         )

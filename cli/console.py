@@ -13,6 +13,9 @@ import typer
 
 from bushseg.progress import Progress
 
+_INTERRUPTED = 130
+"""Exit status of a command that Ctrl-C ended, as shells count it."""
+
 
 class _Lines:
     """Lines of text as it stands: a file may be called "[bold].las", so nothing is markup."""
@@ -42,6 +45,16 @@ def progress(*, quiet: bool = False) -> Iterator[Progress]:
 
     with bars(quiet=quiet) as shown:
         yield shown
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Say after Ctrl-C that nothing is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print("interrupted; what is done is kept, and the same command goes on from there")
+        raise typer.Exit(_INTERRUPTED) from None
 
 
 def shorten(value: float) -> str:

@@ -1,22 +1,17 @@
 """`bushseg predict`."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import err, out, print_json, print_stages, progress, shorten, warn
+from .console import interruptible, out, print_json, print_stages, progress, shorten, warn
 from .options import ConfigFile, Json, ModelFile, Profile, Quiet, changed
 from .verify import print_verified
 
 if TYPE_CHECKING:
     from bushseg.config import PredictConfig
-
-_INTERRUPTED = 130
-"""Exit status of a command that Ctrl-C ended, as shells count it."""
 
 
 def predict(
@@ -116,7 +111,7 @@ def predict(
         asprs=_codes(asprs) if asprs else None,
     )
     settings = Config.load(config, {"predict": given}).predict
-    with _interruptible():
+    with interruptible():
         if len(scans) > 1 or scans[0].is_dir() or output.is_dir():
             if profile:
                 raise typer.BadParameter("--profile goes with one scan and one output file")
@@ -219,16 +214,6 @@ def _predict_folder(
         )
     if not result.complete:
         raise typer.Exit(1)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Say after Ctrl-C that nothing is lost."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        err.print("interrupted; what is done is kept, and the same command goes on from there")
-        raise typer.Exit(_INTERRUPTED) from None
 
 
 def _codes(pairs: list[str]) -> dict[str, int]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .console import err, out, print_json, print_stages, progress, warn
+from .console import err, interruptible, out, print_json, print_stages, progress, warn
 from .options import ConfigFile, Json, Profile, Quiet, changed
 
 
@@ -48,7 +48,8 @@ def prepare(
 ) -> None:
     """Turn labelled scans into cached tensors for training.
 
-    Run again, it redoes only what a changed setting or file touches.
+    Run again, it redoes only what a changed setting or file touches; stopped or killed, the same
+    command goes on with the scan it was at.
 
     Examples:
 
@@ -77,7 +78,7 @@ def prepare(
         settings, whose = settings_for(model, paths, settings)
         if not (quiet or as_json):
             err.print(f"prepared for {whose}")
-    with progress(quiet=quiet or as_json) as shown:
+    with interruptible(), progress(quiet=quiet or as_json) as shown:
         result = run(paths, output, settings, progress=shown)
     if as_json:
         print_json(result)

@@ -1,6 +1,6 @@
 """Prepare that is killed at any moment: the same command goes on, and comes to the same files."""
 
-import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -23,10 +23,14 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-def finished(folder: Path) -> dict[Path, os.stat_result]:
+Written = tuple[int, int]
+"""Which file it is and when it was written: reading changes other times."""
+
+
+def finished(folder: Path) -> dict[Path, Written]:
     """The files of complete scans."""
     return {
-        path: path.stat()
+        path: (path.stat().st_ino, path.stat().st_mtime_ns)
         for manifest in folder.glob("scans/*/manifest.json")
         for path in manifest.parent.glob("[!.]*")
     }
@@ -34,7 +38,7 @@ def finished(folder: Path) -> dict[Path, os.stat_result]:
 
 def kill_until_done(start, folder: Path, seconds: float, seed: int, most: int) -> int:
     """Start, kill at any moment, start again; says how often it was killed."""
-    kept: dict[Path, os.stat_result] = {}
+    kept: dict[Path, Written] = {}
     for killed, share in enumerate(np.random.default_rng(seed).uniform(0, 1, most)):
         command = start()
         command.wait_for(folder, ".lock")
@@ -102,6 +106,21 @@ def test_what_a_killed_run_left_is_removed(scans, tiny, tmp_path):
         path.with_name("manifest.json").unlink()
     prepare([scans], folder, tiny().prepare)
     assert contents(folder) == contents(whole)
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(start_command, scans, settings, tmp_path):
+    common = ("prepare", scans, "-c", settings, "-q", "-o", tmp_path / "data")
+    command = start_command(*common)
+    command.wait_for(tmp_path / "data", "scans/*/manifest.json")
+    command.send(signal.SIGINT)
+    assert command.wait() == 130
+    assert command.said.read_text().startswith("interrupted; what is done is kept")
+    assert command.said.read_text().count("\n") == 1
+    kept = finished(tmp_path / "data")
+    assert kept
+    assert start_command(*common).wait() == 0
+    assert kept.items() <= finished(tmp_path / "data").items()
+    assert not list((tmp_path / "data").rglob(".*"))
 
 
 def test_two_at_once(scans, tiny, tmp_path):

@@ -204,6 +204,15 @@ class PredictConfig(Section):
         description='Memory to keep within, such as "2GB"; decides the size of tiles and how many '
         "voxels are held before they go to disk. None: tiles of tile_points",
     )
+    workers: int = Field(
+        1, ge=1, le=1024, description="Processes that label tiles at once, each on its cores' share"
+    )
+    scheduler: str | None = Field(
+        None, description="Dask scheduler whose workers label the tiles: tcp://... or tls://..."
+    )
+    insecure_scheduler: bool = Field(
+        False, description="Use a scheduler of another machine without tls"
+    )
     scratch: Path | None = Field(
         None, description="Folder for what memory can't hold; None: a hidden one beside the output"
     )
@@ -213,6 +222,12 @@ class PredictConfig(Section):
     asprs: dict[str, int] = Field(
         default_factory=dict, description="LAS code by class name, where the scheme's is unwanted"
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.scheduler is not None and self.workers > 1:
+            raise ValueError("workers and scheduler are both set; name one of them")
+        return self
 
 
 class Config(Section):

@@ -8,6 +8,7 @@
     ├── CacheError        prepared data is missing, damaged or made by another version
     ├── CheckpointError   a model file is missing, damaged or doesn't fit
     ├── RankError         another process of a training has ended or doesn't answer
+    ├── WorkerError       a process that does jobs dies of one, refuses it, or isn't there
     └── DataError         a scan doesn't hold what was asked of it (features, labels, points)
 
 Every message is one line: what was found, what was expected, what to do. The command line prints
@@ -69,6 +70,10 @@ class CheckpointError(BushsegError):
 
 class RankError(BushsegError):
     """Another process of a training has ended or doesn't answer."""
+
+
+class WorkerError(BushsegError):
+    """A process that does jobs dies of one, refuses it, or isn't there."""
 
 
 class DataError(BushsegError):

@@ -16,11 +16,22 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+_most_cores: int | None = None
+
+
+def use_cores(most: int) -> None:
+    """Have no more threads work at once in this process: others have the other cores."""
+    global _most_cores
+    _most_cores = most
+
+
 def num_workers() -> int:
     """How many threads work at once: the cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    return cores if _most_cores is None else max(1, min(cores, _most_cores))
 
 
 def for_chunks(function: Callable[[int, int], object], num_rows: int, size: int) -> None:

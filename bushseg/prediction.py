@@ -35,6 +35,7 @@ from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
 from bushseg.room import check_room
 from bushseg.scan import VoxelScan, mask_no_returns, read_voxels
+from bushseg.schedulers import opened
 from bushseg.stages import Stages
 from bushseg.stored_scan import open_stored, store_scan
 from bushseg.subsample import MAX_VOXELS
@@ -132,7 +133,7 @@ def predict_file(
         known = candidates(model)
     for candidate in known:  # a bad mapping shows now, not later
         candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
-    with io.open_scan(scan) as reader:
+    with opened(config) as scheduler, io.open_scan(scan) as reader:
         kept = KeptReader(reader)
         waves = None
         if suffix in LAS_SUFFIXES:
@@ -146,8 +147,12 @@ def predict_file(
             network = chosen.load()
         card = chosen.card
         with workspace(output, _identity(scan, chosen, config), config.scratch) as place:
+            if scheduler is not None:
+                scheduler.check(place)
             voxel_scan, tiling = _voxels(kept, network, config, place, progress, stages)
-            labels = label_voxels(network, voxel_scan, tiling, config, place, progress, stages)
+            labels = label_voxels(
+                network, voxel_scan, tiling, config, place, progress, stages, scheduler
+            )
             progress.start(f"writing {output.name}", reader.info.num_points, "points")
             with stages.timed("write"), atomic_path(output) as partial:
                 counts, lost = write_labeled(
@@ -257,6 +262,7 @@ def _voxels(
         stages=stages,
         folder=place,
         max_voxels=MAX_VOXELS if config.max_memory is None else fit(config.max_memory).max_voxels,
+        on_disk=config.workers > 1 or config.scheduler is not None,
     )
     with stages.timed("tiling"):
         tiling = cut(model, scan, config)

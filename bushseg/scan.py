@@ -63,6 +63,7 @@ def read_voxels(
     *,
     folder: Path | None = None,
     max_voxels: int = MAX_VOXELS,
+    on_disk: bool = False,
 ) -> VoxelScan:
     """Stream a scan into voxels.
 
@@ -75,6 +76,7 @@ def read_voxels(
         stages: Told of the time that reading, sub-sampling and the ground take.
         folder: A scratch folder for a scan of more than `max_voxels`; None holds all in memory.
         max_voxels: How many voxels to hold in memory where there is such a folder.
+        on_disk: Whether the scan is to stand in that folder however small it is.
 
     Returns:
         The scan's voxels. Labels are None where the scan has no label attribute.
@@ -102,7 +104,7 @@ def read_voxels(
                 continue
             grid = VoxelGrid.around(anchor, voxel_size)
             num_classes = scheme.num_classes if scheme and field else None
-            subsampler = GridSubsampler(grid, num_classes, folder, max_voxels)
+            subsampler = GridSubsampler(grid, num_classes, folder, max_voxels, on_disk=on_disk)
         labels = None
         if scheme is not None and field is not None:
             encoded = scheme.encode(chunk.attributes[field])

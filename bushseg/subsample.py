@@ -73,6 +73,7 @@ class GridSubsampler:
         num_classes: How many classes `labels` may name; None where the scan has no labels.
         folder: A scratch folder for voxels that are too many; None holds all in memory.
         max_voxels: Voxels to hold in memory where there is such a folder.
+        on_disk: Whether the voxels are to stand in that folder however few they are.
     """
 
     def __init__(
@@ -81,6 +82,8 @@ class GridSubsampler:
         num_classes: int | None = None,
         folder: Path | None = None,
         max_voxels: int = MAX_VOXELS,
+        *,
+        on_disk: bool = False,
     ) -> None:
         self.grid = grid
         self.num_classes = num_classes
@@ -91,6 +94,7 @@ class GridSubsampler:
         self._folder = folder
         self._limit = _NO_LIMIT if folder is None else max_voxels
         self._runs = Runs(Scratch(folder))
+        self._on_disk = on_disk
 
     @property
     def num_spilled(self) -> int:
@@ -158,7 +162,8 @@ class GridSubsampler:
             return Voxels(self.grid, empty, np.empty((0, 3)), {}, empty, None)
         if not len(self._runs):
             table = Sums(sums.slots, *(column[:size] for column in sums.columns))
-            return self._averaged(Scratch(), size, [table])
+            scratch = Scratch(self._folder if self._on_disk else None)
+            return self._averaged(scratch, size, [table])
         self._runs.write(sums, size)
         limit = len(sums.keys)
         del sums

@@ -6,11 +6,17 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from safetensors import SafetensorError
 
 from bushseg.cache import load_tensors, save_tensors
 from bushseg.compiled import compiled
-from bushseg.errors import CacheError
+from bushseg.errors import CacheError, WriteError
 from bushseg.labeler import TilePrediction
+
+
+def tile_path(place: Path, number: int) -> Path:
+    """Where a tile's labels are kept."""
+    return place / f"tile_{number:06d}.safetensors"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +52,11 @@ class TileLabels:
         return cls(labels, confidence, bush, tile.num_seen, tile.neighbor_distance)
 
     def save(self, path: Path) -> None:
-        """Write them, whole or not at all."""
+        """Write them, whole or not at all.
+
+        Raises:
+            WriteError: The disk refuses.
+        """
         tensors: dict[str, NDArray[Any]] = {
             "labels": self.labels,
             "confidence": self.confidence,
@@ -55,7 +65,13 @@ class TileLabels:
         }
         if self.bush is not None:
             tensors["bush"] = self.bush
-        save_tensors(path, tensors)
+        try:
+            save_tensors(path, tensors)
+        except (OSError, SafetensorError) as error:
+            raise WriteError(
+                f"{path}: a finished tile can't be kept ({error}); make room, or name another "
+                "scratch folder"
+            ) from error
 
     @classmethod
     def load(cls, path: Path, num_voxels: int, num_classes: int, *, has_bush: bool) -> Self:

@@ -70,6 +70,22 @@ def predict(
         str | None,
         typer.Option(help="Products on a CPU: float32, bfloat16 or auto.  [default: auto]"),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes that label tiles at once.  [default: 1, on all cores]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have a Dask cluster label the tiles: tcp://127.0.0.1:8786, tls://host:port. Its "
+            "workers must share the folder of --scratch. Needs the extra [cluster].",
+        ),
+    ] = None,
+    insecure_scheduler: Annotated[
+        bool | None,
+        typer.Option("--insecure-scheduler", help="Call another machine's scheduler without tls."),
+    ] = None,
     config: ConfigFile = None,
     profile: Profile = False,
     quiet: Quiet = False,
@@ -98,6 +114,8 @@ def predict(
         bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
 
         bushseg predict county.laz -o labeled.laz --max-memory 2GB --scratch /big/disk
+
+        bushseg predict county.laz -o labeled.laz --scheduler tls://head:8786 --scratch /shared
     """
     from bushseg.config import Config
 
@@ -107,6 +125,9 @@ def predict(
         max_memory=max_memory,
         scratch=scratch,
         precision=precision,
+        workers=workers,
+        scheduler=scheduler,
+        insecure_scheduler=insecure_scheduler,
         keep_classification=keep_classification,
         asprs=_codes(asprs) if asprs else None,
     )

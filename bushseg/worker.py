@@ -1,0 +1,47 @@
+"""A worker process: `python -m bushseg.worker CORES`.
+
+Reads a job a line, [name, arguments] as JSON, and answers each in a line: null, or why it was
+refused. It says "ready" first, and ends when nobody can give it jobs any more.
+"""
+
+import json
+import os
+import queue
+import sys
+import threading
+from typing import Any
+
+READY = "ready"
+
+
+def main() -> None:
+    """Work until standard input ends."""
+    # What a library prints must not be taken for an answer.
+    answers = os.dup(1)
+    os.dup2(2, 1)
+    jobs: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
+
+    import torch
+
+    from bushseg.jobs import run_job
+    from bushseg.parallel import use_cores
+
+    cores = int(sys.argv[1])
+    use_cores(cores)
+    torch.set_num_threads(cores)
+    answer: str | None = READY
+    while True:
+        os.write(answers, json.dumps(answer).encode() + b"\n")
+        answer = run_job(*jobs.get())
+
+
+def _listen(jobs: "queue.SimpleQueue[Any]") -> None:
+    """Pass jobs on. Whoever gives them may be killed: then this process ends amid its work."""
+    for line in sys.stdin.buffer:
+        jobs.put(json.loads(line))
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -6,7 +6,7 @@ last two don't come at once. `benchmarks/memory.py` measures the figures.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bushseg.errors import ConfigError
 
@@ -38,15 +38,18 @@ class Sizes:
     Attributes:
         tile_points: Voxels in a tile's core.
         max_voxels: Voxels in the table, before they go to disk.
+        workers: Processes that label at once; where there are several, beside this one.
     """
 
     tile_points: int
     max_voxels: int
+    workers: int = 1
 
     @property
     def num_bytes(self) -> int:
         """The memory they take, at most."""
-        labelling = PROGRAM + int(HALO * TILE_VOXEL * self.tile_points)
+        worker = PROGRAM + int(HALO * TILE_VOXEL * self.tile_points)
+        labelling = self.workers * worker + (READING if self.workers > 1 else 0)
         return max(labelling, READING + TABLE_VOXEL * self.max_voxels)
 
 
@@ -67,18 +70,26 @@ def parse_size(text: str) -> int:
     return int(float(number) * (1024 if binary else 1000) ** _UNITS.index(unit.lower()))
 
 
-def fit(max_memory: int) -> Sizes:
+def fit(max_memory: int, workers: int = 1) -> Sizes:
     """The largest sizes that keep within so many bytes.
+
+    Args:
+        max_memory: Bytes of all processes together.
+        workers: How many of them label.
 
     Raises:
         ConfigError: Nothing does.
     """
-    if max_memory < LEAST.num_bytes:
+    least = replace(LEAST, workers=workers)
+    if max_memory < least.num_bytes:
+        processes = f" in {workers} processes" if workers > 1 else ""
         raise ConfigError(
-            f"max_memory is {max_memory / 1e9:.2f} GB; labelling takes at least "
-            f"{LEAST.num_bytes / 1e9:.2f} GB: allow as much"
+            f"max_memory is {max_memory / 1e9:.2f} GB; labelling{processes} takes at least "
+            f"{least.num_bytes / 1e9:.2f} GB: allow as much{', or fewer' if workers > 1 else ''}"
         )
+    share = (max_memory - (READING if workers > 1 else 0)) / workers
     return Sizes(
-        tile_points=min(int((max_memory - PROGRAM) / (HALO * TILE_VOXEL)), _MOST_TILE),
+        tile_points=min(int((share - PROGRAM) / (HALO * TILE_VOXEL)), _MOST_TILE),
         max_voxels=min((max_memory - READING) // TABLE_VOXEL, _MOST_TABLE),
+        workers=workers,
     )

@@ -120,7 +120,7 @@ def predict_file(
     """
     config = config or PredictConfig()
     if config.max_memory is not None:
-        sizes = fit(config.max_memory)
+        sizes = fit(config.max_memory, config.workers)
         config = config.model_copy(update={"tile_points": sizes.tile_points})
     scan, output = Path(scan), Path(output)
     remove_finished(output, config.scratch)

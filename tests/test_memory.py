@@ -1,5 +1,7 @@
 """Sizes that fit a given memory."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,14 +31,18 @@ def test_what_is_no_size(text: str) -> None:
         parse_size(text)
 
 
-@given(st.integers(LEAST.num_bytes, 10**13))
-def test_what_is_chosen_fits(max_memory: int) -> None:
-    sizes = fit(max_memory)
+@given(st.integers(0, 10**13), st.integers(1, 64))
+def test_what_is_chosen_fits(beyond: int, workers: int) -> None:
+    max_memory = replace(LEAST, workers=workers).num_bytes + beyond
+    sizes = fit(max_memory, workers)
     assert sizes.num_bytes <= max_memory
     assert sizes.tile_points >= LEAST.tile_points
     assert sizes.max_voxels >= LEAST.max_voxels
+    assert sizes.tile_points <= fit(max_memory).tile_points
 
 
 def test_too_little_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 0\.9"):
         fit(500_000_000)
+    with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 4\.\d+ GB"):
+        fit(2_000_000_000, 4)

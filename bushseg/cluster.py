@@ -54,7 +54,13 @@ def connected(address: str, *, insecure: bool = False) -> Iterator["Cluster"]:
     from distributed import Client
     from distributed.security import Security
 
-    security = Security(require_encryption=address.startswith("tls:") or None)
+    is_tls = address.startswith("tls:")
+    security = Security(require_encryption=is_tls or None)
+    if is_tls and security.get_connection_args("client").get("ssl_context") is None:
+        raise WorkerError(
+            f"{address}: Dask's settings name no certificates; set distributed.comm.tls.ca-file, "
+            "and client.cert and client.key beside it"
+        )
     with _quiet():
         try:
             client = Client(
@@ -64,8 +70,7 @@ def connected(address: str, *, insecure: bool = False) -> Iterator["Cluster"]:
                 set_as_default=False,
                 direct_to_workers=False,
             )
-        except (OSError, TimeoutError, TypeError, RuntimeError, ValueError) as error:
-            # A TypeError says that TLS is asked for and no certificates are set.
+        except (OSError, TimeoutError, RuntimeError, ValueError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise WorkerError(
                 f"{address}: no Dask scheduler can be called there ({reason}); start one by `dask "

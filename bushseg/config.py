@@ -223,12 +223,6 @@ class PredictConfig(Section):
         default_factory=dict, description="LAS code by class name, where the scheme's is unwanted"
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.scheduler is not None and self.workers > 1:
-            raise ValueError("workers and scheduler are both set; name one of them")
-        return self
-
 
 class Config(Section):
     """All sections, as `bushseg.toml` holds them."""

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from bushseg.config import PredictConfig
-from bushseg.errors import WorkerError
+from bushseg.errors import ConfigError, WorkerError
 from bushseg.jobs import Scheduler
 from bushseg.worker_pool import WorkerPool
 
@@ -15,9 +15,11 @@ def opened(config: PredictConfig) -> Iterator[Scheduler | None]:
     """The scheduler that is set, ready to work; None where this process does everything itself.
 
     Raises:
-        ConfigError: The address isn't one that may be used.
+        ConfigError: The address isn't one that may be used, or workers are set as well.
         WorkerError: Dask isn't installed, or nobody answers at the address.
     """
+    if config.scheduler is not None and config.workers > 1:
+        raise ConfigError("workers and scheduler are both set; name one of them")
     if config.scheduler is not None:
         from bushseg.cluster import connected
 

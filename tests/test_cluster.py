@@ -189,7 +189,7 @@ def test_nobody_answers(monkeypatch):
 
 def test_tls_without_certificates():
     with (
-        pytest.raises(WorkerError, match="no Dask scheduler can be called"),
+        pytest.raises(WorkerError, match="Dask's settings name no certificates"),
         connected(f"tls://127.0.0.1:{free_port()}"),
     ):
         pass

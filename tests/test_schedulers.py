@@ -38,8 +38,9 @@ def test_who_does_the_jobs():
 
 
 def test_workers_and_a_scheduler_exclude_each_other():
-    with pytest.raises(ConfigError, match="workers and scheduler are both set"):
-        PredictConfig.from_dict({"workers": 2, "scheduler": "tcp://127.0.0.1:8786"})
+    config = PredictConfig(workers=2, scheduler="tcp://127.0.0.1:8786")
+    with pytest.raises(ConfigError, match="workers and scheduler are both set"), opened(config):
+        pass
 
 
 def test_a_tile_that_kills_is_named_and_the_others_are_kept(model, scans, tmp_path, monkeypatch):

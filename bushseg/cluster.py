@@ -8,7 +8,6 @@ must prove by TLS who it is.
 import json
 import logging
 import secrets
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,10 +18,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from bushseg.cache import FORMAT_VERSION
+from bushseg.cluster_jobs import DONE, look, run_once
 from bushseg.errors import ConfigError, WorkerError
 from bushseg.files import atomic_path
-from bushseg.jobs import Outcome, one_at_a_time, run_job
-from bushseg.parallel import use_cores
+from bushseg.jobs import Outcome
 
 _PATIENCE = 60.0
 """Seconds without any worker, or without the scheduler, after which the work is given up."""
@@ -30,7 +29,6 @@ _PATIENCE = 60.0
 _CONNECT = 20.0  # seconds
 _LOOK = 5.0  # seconds between two looks at whether there still are workers
 _TICK = 0.05  # seconds between two looks at whether a job has ended
-_DONE = "done"
 
 
 @contextmanager
@@ -221,53 +219,7 @@ class Cluster:
             return Outcome(error=f"{mark}: can't be read ({error.strerror or error})")
         if not said:
             return Outcome(death="its Dask worker was lost")
-        return Outcome(error=None if said == _DONE else said)
-
-
-def look(path: str, token: str, version: int) -> str | None:
-    """Whether a worker sees a file of a shared folder and may write beside it; done by workers.
-
-    Args:
-        path: The file.
-        token: What it holds.
-        version: The format version of whoever asks.
-
-    Returns:
-        None, or what is wrong, one line.
-    """
-    if version != FORMAT_VERSION:
-        return f"has another version of bushseg (format {FORMAT_VERSION}, here {version})"
-    folder = Path(path).parent
-    remedy = "name a --scratch folder that this machine and all workers share"
-    try:
-        found = Path(path).read_text(encoding="utf-8")
-        with tempfile.NamedTemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        return f"doesn't see {folder}, or can't write there ({error.strerror or error}); {remedy}"
-    return None if found == token else f"sees another folder as {folder}; {remedy}"
-
-
-def run_once(mark: str, name: str, arguments: str) -> None:
-    """Do a job unless it was begun before; done by workers.
-
-    Args:
-        mark: A file that is made when the job begins. When it ends, "done" or why it was refused is
-            written there: one that stays empty tells of a worker that was lost.
-        name: Which job.
-        arguments: Its arguments, JSON.
-    """
-    from distributed import get_worker
-
-    with one_at_a_time:  # a job that waits for another hasn't begun
-        use_cores(get_worker().state.nthreads)
-        try:
-            with Path(mark).open("x"):
-                pass
-        except FileExistsError:
-            return
-        refusal = run_job(name, json.loads(arguments))
-        Path(mark).write_text(_DONE if refusal is None else refusal, encoding="utf-8")
+        return Outcome(error=None if said == DONE else said)
 
 
 def _is_loopback(host: str) -> bool:

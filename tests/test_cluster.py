@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from bushseg import cluster
-from bushseg.cluster import check_address, connected, look
+from bushseg.cluster import check_address, connected
+from bushseg.cluster_jobs import look
 from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WorkerError
 from bushseg.prediction import predict_file

@@ -1,10 +1,13 @@
 """How time and memory of `predict` grow with the scan.
 
     python benchmarks/scaling.py [--points 100000,1000000,10000000] [--voxel-size 0.1] [--repeats 3]
+        [--model close] [--max-memory 2GB]
 
 A simulated site is laid side by side until it has so many points, and labelled by a model of
-random weights (time does not depend on them), each run in a process of its own. Prints the medians,
-and the exponent of time against points from the first size to the last.
+random weights (time does not depend on them) or the one named, each run in a process of its own.
+Prints the medians, and the exponent of time against points from the first size to the last. With
+--max-memory, predict is told so and the system refuses the process more memory of its own than that
+(RLIMIT_DATA): one that took more would fail.
 """
 
 import argparse
@@ -18,6 +21,7 @@ import laspy
 import numpy as np
 from open3d_ml_ours import model_at
 
+from bushseg.memory import parse_size
 from bushseg.simulation import SimulateConfig, simulate
 
 
@@ -39,12 +43,16 @@ def site_copies(site: Path, output: Path, num_points: int) -> None:
             left, number = left - len(points), number + 1
 
 
-def label(scan: Path, model: Path) -> dict[str, float]:
+def label(scan: Path, model: Path | str, max_memory: str | None = None) -> dict[str, float]:
     """`bushseg predict` in a process of its own: its result."""
     program = str(Path(sys.executable).with_name("bushseg"))
     with tempfile.TemporaryDirectory() as folder:
         options = ["-o", str(Path(folder, "labelled.las")), "--model", str(model), "--json"]
         command = [program, "predict", str(scan), *options]
+        if max_memory is not None:
+            command += ["--max-memory", max_memory]
+            limit = ["prlimit", f"--data={parse_size(max_memory)}"]
+            command = [*limit, *command]
         run = subprocess.run(command, capture_output=True, text=True, check=True)
     result: dict[str, float] = json.loads(run.stdout)
     return result
@@ -58,13 +66,15 @@ def main() -> None:
     parser.add_argument("--points", default="100000,1000000,10000000")
     parser.add_argument("--voxel-size", type=float, default=0.1)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--model", help="instead of one of random weights")
+    parser.add_argument("--max-memory", help="memory to keep within, such as 2GB")
     options = parser.parse_args()
     sizes = [int(size) for size in options.points.split(",")]
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         simulate(root / "site", SimulateConfig(seed=1))
         site = next((root / "site").glob("*.la?"))
-        model = model_at(options.voxel_size, root, None)
+        model = options.model or model_at(options.voxel_size, root, None)
         scans = []
         for size in sizes:
             scans.append(root / f"{size}.las")
@@ -74,7 +84,7 @@ def main() -> None:
         print("|---:|---:|---:|---:|---:|---:|")
         seconds = []
         for size, scan in zip(sizes, scans, strict=True):
-            runs = [label(scan, model) for _ in range(options.repeats)]
+            runs = [label(scan, model, options.max_memory) for _ in range(options.repeats)]
             seconds.append(float(np.median([run["seconds"] for run in runs])))
             peak = max(run["peak_memory"] for run in runs)
             print(

@@ -5,29 +5,33 @@ voxels and chunks of points; while it is labelled, one tile and the network's fe
 last two don't come at once. `benchmarks/memory.py` measures the figures.
 """
 
+import ctypes
 import re
+import sys
 from dataclasses import dataclass, replace
 
 from bushseg.errors import ConfigError
 
 PROGRAM = 850_000_000
-"""Bytes of the program with PyTorch, its compiled loops and a network."""
+"""Bytes of the program with PyTorch, its compiled loops and a network, and of what is allocated and
+not in use."""
 
 READING = 700_000_000
 """Bytes of the program and a chunk of points on its way into voxels, the table aside."""
 
-TILE_VOXEL = 450
+TILE_VOXEL = 1_200
 """Bytes that a voxel of a tile or its halo takes while it is labelled."""
 
 TABLE_VOXEL = 200
 """Bytes that a voxel takes in the table, which is sorted in the end."""
 
-HALO = 1.4
+HALO = 1.3
 """Voxels of a tile with its halo, per voxel of its core; of smaller tiles more."""
 
 _LEAST_TILE, _MOST_TILE = 100_000, 5_000_000
 _LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 23
 _UNITS = ("", "k", "m", "g", "t")
+_ARENA_MAX, _MMAP_THRESHOLD = -8, -3  # malloc.h
 _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", re.IGNORECASE | re.ASCII)
 
 
@@ -93,3 +97,27 @@ def fit(max_memory: int, workers: int = 1) -> Sizes:
         max_voxels=min((max_memory - READING) // TABLE_VOXEL, _MOST_TABLE),
         workers=workers,
     )
+
+
+def be_lean() -> None:
+    """Have freed memory go back to the system at once, at some cost in time.
+
+    glibc keeps an arena a thread, and what was freed of arrays of some megabytes for the next ones.
+    """
+    if (libc := _libc()) is not None:
+        libc.mallopt(_ARENA_MAX, 2)
+        libc.mallopt(_MMAP_THRESHOLD, 1 << 20)
+
+
+def give_back() -> None:
+    """Return freed memory to the system: glibc keeps it, in pieces the next tile won't fit."""
+    if (libc := _libc()) is not None:
+        libc.malloc_trim(0)
+
+
+def _libc() -> ctypes.CDLL | None:
+    """The C library, if it is glibc."""
+    if sys.platform != "linux":
+        return None
+    libc = ctypes.CDLL(None)
+    return libc if hasattr(libc, "malloc_trim") else None

@@ -29,7 +29,7 @@ from bushseg.io.memory import MemoryReader
 from bushseg.io.sizes import least_bytes
 from bushseg.labeled_scan import LAS_SUFFIXES, write_labeled
 from bushseg.labeler import cut, label_tiles
-from bushseg.memory import fit
+from bushseg.memory import be_lean, fit
 from bushseg.model_choice import Candidate, Choice, candidates, choose, suited_better
 from bushseg.points import PointCloud
 from bushseg.progress import SILENT, Progress
@@ -120,6 +120,7 @@ def predict_file(
     """
     config = config or PredictConfig()
     if config.max_memory is not None:
+        be_lean()
         sizes = fit(config.max_memory, config.workers)
         config = config.model_copy(update={"tile_points": sizes.tile_points})
     scan, output = Path(scan), Path(output)

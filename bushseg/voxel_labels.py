@@ -15,6 +15,7 @@ from bushseg.errors import CacheError, WorkerError
 from bushseg.grid import BLOCK
 from bushseg.jobs import LABEL_TILE, Scheduler
 from bushseg.labeler import check_features, label_tile
+from bushseg.memory import give_back
 from bushseg.progress import Progress
 from bushseg.scan import VoxelScan
 from bushseg.schedulers import run_twice
@@ -86,6 +87,7 @@ def label_voxels(
         num_seen += labels.num_seen
         distances[number] = labels.neighbor_distance
         progress.advance(tile.num_points)
+        give_back()
     sizes = [tile.num_points for tile in tiling.tiles]
     return VoxelLabels(stitcher, num_seen, _weighted_median(distances, sizes))
 

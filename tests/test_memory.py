@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bushseg.errors import ConfigError
-from bushseg.memory import LEAST, fit, parse_size
+from bushseg.memory import LEAST, be_lean, fit, give_back, parse_size
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,12 @@ def test_what_is_chosen_fits(beyond: int, workers: int) -> None:
 
 
 def test_too_little_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 0\.9"):
+    with pytest.raises(ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 1\.0"):
         fit(500_000_000)
     with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 4\.\d+ GB"):
         fit(2_000_000_000, 4)
+
+
+def test_giving_memory_back_is_harmless() -> None:
+    be_lean()
+    give_back()

@@ -53,6 +53,9 @@ def tile_logits(
 
     Returns:
         Logits of the core's voxels, in the tile's order, shape (core, C), float32.
+
+    Raises:
+        MemoryError: The tile's features don't fit.
     """
     batch = Batch.from_numpy(
         feature_matrix(tile.features, features, len(tile)),
@@ -63,8 +66,13 @@ def tile_logits(
     )
     device = next(network.parameters()).device
     # Cores are shared out over chunks of points: PyTorch's own threads would only wait in between.
-    with torch.inference_mode(), serial_torch(), multiplying_in(precision):
-        logits = network(batch.to(device))[torch.from_numpy(tile.is_core).to(device)]
+    try:
+        with torch.inference_mode(), serial_torch(), multiplying_in(precision):
+            logits = network(batch.to(device))[torch.from_numpy(tile.is_core).to(device)]
+    except RuntimeError as error:  # PyTorch has no error of its own for this on a CPU
+        if "allocate memory" in str(error) or "out of memory" in str(error):
+            raise MemoryError from error
+        raise
     return logits.float().cpu().numpy()
 
 

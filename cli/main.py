@@ -61,5 +61,8 @@ def main() -> None:
         err.print(f"error: {error}; check the disk and its permissions", style="red")
         sys.exit(1)
     except MemoryError:
-        err.print("error: out of memory; choose a larger voxel_size or smaller tile_points")
+        err.print(
+            "error: out of memory; predict takes less with --max-memory or smaller --tile-points, "
+            "prepare with a larger voxel_size or a smaller tile_points"
+        )
         sys.exit(1)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 
 from bushseg.dataset import Dataset
 from bushseg.inference import feature_matrix, probabilities, tile_logits
@@ -35,3 +36,23 @@ def test_a_tile_gives_its_core(model, prepared):
     assert logits.dtype == np.float32
     correct = logits.argmax(axis=1) == tile.labels[tile.is_core]
     assert correct.mean() == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("message", "kind"),
+    [
+        ("DefaultCPUAllocator: can't allocate memory: you tried", MemoryError),
+        ("CUDA out of memory. Tried", MemoryError),
+        ("shapes don't match", RuntimeError),
+    ],
+)
+def test_memory_that_torch_lacks_is_python_s_error(message, kind, model, prepared):
+    def refuse(_: object) -> None:
+        raise RuntimeError(message)
+
+    class Refusing(torch.nn.Linear):
+        forward = staticmethod(refuse)
+
+    tile = Dataset(prepared).network_tile(0)
+    with pytest.raises(kind):
+        tile_logits(Refusing(1, 1), tile, model.card.features, 0.15)

@@ -10,6 +10,7 @@ from bushseg.checkpoint import Model, load_model
 from bushseg.config import PredictConfig
 from bushseg.errors import CacheError, CheckpointError
 from bushseg.labeler import label_tile
+from bushseg.memory import be_lean, give_back
 from bushseg.scan import VoxelScan
 from bushseg.stages import Stages
 from bushseg.stored_scan import MANIFEST, open_stored
@@ -37,6 +38,8 @@ def label_tile_job(
         WriteError: The labels can't be written.
     """
     config = PredictConfig.from_dict(dict(settings), "job")
+    if config.max_memory is not None:
+        be_lean()
     model = _model(model_path, model_hash)
     manifest = Path(folder) / MANIFEST
     try:
@@ -50,6 +53,7 @@ def label_tile_job(
     predicted = label_tile(model, scan, tiling, tile, config, Stages())
     labels = TileLabels.of(predicted, model.card.scheme.bush_index)
     labels.save(tile_path(Path(folder), number))
+    give_back()
 
 
 def forget() -> None:

@@ -29,7 +29,7 @@ HALO = 1.3
 """Voxels of a tile with its halo, per voxel of its core; of smaller tiles more."""
 
 _LEAST_TILE, _MOST_TILE = 100_000, 5_000_000
-_LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 23
+_LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 22
 _UNITS = ("", "k", "m", "g", "t")
 _ARENA_MAX, _MMAP_THRESHOLD = -8, -3  # malloc.h
 _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", re.IGNORECASE | re.ASCII)

@@ -45,15 +45,14 @@ class Runs:
             target = self._scratch.empty(f"run{len(self._runs)}.{name}", shape, column.dtype)
             np.take(column, order, axis=0, out=target)
             columns.append(target)
+            self._scratch.release()
         self._runs.append(Sums(np.empty(0, np.int32), *columns))
-        self._scratch.release()
 
     def count_keys(self, max_rows: int) -> int:
         """How many voxels there are; `max_rows` as in :meth:`ranges`."""
         count = 0
         for slices in self._slices(max_rows):
             count += len(np.unique(self._rows("keys", slices)))
-            self._scratch.release()
         return count
 
     def ranges(self, max_rows: int) -> Iterator[Sums]:
@@ -67,7 +66,6 @@ class Runs:
         """
         for slices in self._slices(max_rows):
             columns = [self._rows(name, slices) for name in Sums._fields[1:]]
-            self._scratch.release()
             yield Sums(np.empty(0, np.int32), *columns)
 
     def remove(self) -> None:
@@ -78,12 +76,17 @@ class Runs:
     def _rows(self, name: str, slices: Sequence[slice]) -> NDArray[Any]:
         """One column of some rows of each run, set end to end."""
         parts = zip(self._runs, slices, strict=True)
-        return np.concatenate([getattr(run, name)[rows] for run, rows in parts])
+        column = np.concatenate([getattr(run, name)[rows] for run, rows in parts])
+        self._scratch.release()
+        return column
 
     def _slices(self, max_rows: int) -> Iterator[list[slice]]:
         """For each range of keys the rows of each run."""
-        samples = np.sort(np.concatenate([run.keys[::_SAMPLE] for run in self._runs]))
-        self._scratch.release()
+        parts = []
+        for run in self._runs:
+            parts.append(run.keys[::_SAMPLE].copy())
+            self._scratch.release()
+        samples = np.sort(np.concatenate(parts))
         # From one bound to the next lie so many sampled steps, and of each run a part of one more.
         step = max(1, max_rows // _SAMPLE - len(self._runs))
         bounds = np.unique(samples[step::step])

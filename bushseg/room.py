@@ -29,6 +29,11 @@ def check_room(folder: Path, num_bytes: float, what: str, remedy: str) -> None:
         return
     if free < num_bytes:
         raise WriteError(
-            f"{folder}: {what} will take about {num_bytes / 1e9:.2f} GB, but {free / 1e9:.2f} GB "
-            f"are free; free some space, or {remedy}"
+            f"{folder}: {what} will take about {_readable(num_bytes)}, but {_readable(free)} are "
+            f"free; free some space, or {remedy}"
         )
+
+
+def _readable(num_bytes: float) -> str:
+    """A size for people."""
+    return f"{num_bytes / 1e9:.2f} GB" if num_bytes >= 1e8 else f"{num_bytes / 1e6:.2f} MB"

@@ -24,6 +24,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 settings.register_profile("untimed", parent=settings.default, deadline=None)
 settings.load_profile("untimed")
 
+# A shell that starts this in the background has Ctrl-C ignored, in all processes to come as well;
+# some tests send it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 EDGE = 8.0
 GROUND, BUSH, WALL = 2, 4, 6
 

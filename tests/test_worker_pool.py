@@ -144,8 +144,11 @@ def test_workers_end_with_their_parent(number, program):
         start_new_session=True,
     )
     with parent:
-        pid = pid_in(program / "job0")
-        os.killpg(parent.pid, number)
-        parent.wait(timeout=30)
+        try:
+            pid = pid_in(program / "job0")
+            os.killpg(parent.pid, number)
+            parent.wait(timeout=30)
+        finally:
+            parent.kill()
     assert parent.returncode != 0
     assert has_ended(pid)

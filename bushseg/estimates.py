@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from bushseg.config import PredictConfig
 from bushseg.memory import HALO, PROGRAM, READING, TABLE_VOXEL, TILE_VOXEL
 from bushseg.parallel import num_workers
 from bushseg.room import SCRATCH_VOXEL
@@ -14,7 +15,7 @@ VOXEL_SECONDS = 7e-6
 """Of two cores: to find a voxel's neighbors and pass it through a bundled model's network."""
 
 START_SECONDS = 3.0
-TILE_POINTS = 500_000  # PredictConfig's default
+TILE_POINTS = PredictConfig().tile_points
 
 _CORES = 2
 

@@ -8,6 +8,7 @@ and then, and memory doesn't grow with the scan.
 import mmap
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ from bushseg.errors import CacheError, WriteError
 
 BLOCK_ROWS = 1 << 20
 """Rows that a pass over all voxels handles at a time."""
+
+_MANY_FILES, _MOST_FILES = 100, 10_240
+"""A process may keep 256 files open on macOS and 1,024 on Linux, unless it asks for more."""
 
 
 def blocks(num_rows: int) -> Iterator[slice]:
@@ -88,7 +92,9 @@ class Scratch:
             raise CacheError(f"{path}: can't be read ({error.strerror or error})") from error
 
     def _mapped(self, handle: int, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-        mapped = mmap.mmap(handle, 0)
+        if len(self._maps) == _MANY_FILES:
+            _allow_files()
+        mapped = mmap.mmap(handle, 0)  # keeps the file open
         self._maps.append(mapped)
         return np.frombuffer(mapped, dtype).reshape(shape)
 
@@ -136,3 +142,16 @@ def _allocate(handle: int, num_bytes: int) -> None:
     zeros = bytes(1 << 20)
     for start in range(0, num_bytes, len(zeros)):
         os.write(handle, zeros[: num_bytes - start])
+
+
+def _allow_files() -> None:
+    """Let this process keep open as many files as the system allows it."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, _MOST_FILES)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

@@ -37,12 +37,16 @@ class Runs:
         return sum(len(run.keys) for run in self._runs)
 
     def write(self, sums: Sums, size: int) -> None:
-        """Write the first `size` rows of a table down as a run."""
+        """Write the first `size` rows of a table down as a run: one file, column after column."""
         order = np.argsort(sums.keys[:size])
+        num_bytes = [size * column[:1].nbytes for column in sums.columns]
+        file = self._scratch.empty(f"run{len(self._runs)}", (sum(num_bytes),), np.uint8)
+        # All but the last column have items of eight bytes, so each begins at a multiple of its.
         columns = []
-        for name, column in zip(Sums._fields[1:], sums.columns, strict=True):
-            shape = (size, *column.shape[1:])
-            target = self._scratch.empty(f"run{len(self._runs)}.{name}", shape, column.dtype)
+        for column, part in zip(
+            sums.columns, np.split(file, np.cumsum(num_bytes)[:-1]), strict=True
+        ):
+            target = part.view(column.dtype).reshape(size, *column.shape[1:])
             np.take(column, order, axis=0, out=target)
             columns.append(target)
             self._scratch.release()

@@ -69,3 +69,21 @@ def test_samples_and_blocks(size: int, wanted: int, monkeypatch: pytest.MonkeyPa
     parts = [column[rows] for rows in blocks(size)]
     assert all(len(part) <= 7 for part in parts)
     np.testing.assert_array_equal(np.concatenate([column[:0], *parts]), column)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such limit")
+def test_more_arrays_than_a_process_may_keep_files_open(tmp_path: Path) -> None:
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    in_use = len(list(Path("/dev/fd").iterdir()))
+    made = Scratch(tmp_path)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (in_use + 150, limits[1]))
+        arrays = [made.empty(str(number), (1,), np.int64) for number in range(300)]
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    for number, array in enumerate(arrays):
+        array[0] = number
+    made.release()
+    assert [int(array[0]) for array in arrays] == list(range(300))

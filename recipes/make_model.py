@@ -12,9 +12,10 @@ import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from real import write_real_scans
+from real import write_plantings, write_real_scans
 from sites import TEST, TRAINING
 
 import bushseg
@@ -23,7 +24,7 @@ from bushseg.errors import DataError
 from bushseg.io import find_scans, read
 from bushseg.parallel import num_workers
 from bushseg.progress import Silent
-from bushseg.runs import LAST
+from bushseg.runs import BEST, LAST
 from bushseg.simulation import SimulateConfig, simulate
 from bushseg.simulation.scene import CLASS_CODES
 
@@ -54,10 +55,17 @@ def main() -> None:
     scans = make_sites(options.work / options.name, sites)
     if options.only is None and options.name != "test":
         held_out = richest_sites(scans)
-        if options.data is not None and options.name == "airborne":
-            scans.append(write_real_scans(options.data, options.work / "real"))
-        run = train(options.name, scans, held_out, options.work)
-        bundle(options.name, run)
+        again = f"{options.name}_again"
+        prepared = options.work / f"{options.name}-prepared"
+        real = options.data if options.name == "airborne" else None
+        if real is not None:
+            scans.append(write_real_scans(real, options.work / "real"))
+        first = train(options.name, scans, held_out, prepared)
+        if real is not None:
+            scans.append(write_plantings(real, options.work / "plantings"))
+            prepared = options.work / f"{again}-prepared"  # the first round's stays as it is
+        second = train(again, scans, held_out, prepared, first)
+        bundle(options.name, second)
 
 
 def make_sites(folder: Path, sites: dict[str, SimulateConfig]) -> list[Path]:
@@ -119,12 +127,21 @@ def classes_of(path: Path) -> set[int]:
     return {int(code) for code in found[counts >= ENOUGH_POINTS]}
 
 
-def train(name: str, scans: list[Path], held_out: list[Path], work: Path) -> Path:
-    """Prepare and train, or go on with training; returns the run."""
-    validation = f"scan:{','.join(map(str, held_out))}"
-    settings = {"train": {"validation": validation}}
-    config = Config.load(ROOT / "recipes" / f"{name}.toml", settings)
-    prepared, run = work / f"{name}-prepared", work / f"{name}-run"
+def train(
+    name: str, scans: list[Path], held_out: list[Path], prepared: Path, first: Path | None = None
+) -> Path:
+    """Prepare and train as NAME.toml says, from a first run's best weights if there is one.
+
+    Goes on with a run that was stopped.
+
+    Returns:
+        The run.
+    """
+    settings: dict[str, Any] = {"validation": f"scan:{','.join(map(str, held_out))}"}
+    if first is not None:
+        settings["pretrained"] = str(first / BEST)
+    config = Config.load(ROOT / "recipes" / f"{name}.toml", {"train": settings})
+    run = prepared.with_name(f"{name}-run")
     bushseg.prepare(scans, prepared, config.prepare)
     bushseg.train(prepared, run, config, resume=(run / LAST).exists(), progress=Lines())
     return run

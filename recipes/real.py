@@ -12,6 +12,7 @@ import numpy as np
 from judging import Scan, read_scan
 from numpy.typing import NDArray
 from objects import set_on_ground
+from plantings import plantings
 from real_scans import training_scans
 
 from bushseg.files import atomic_path
@@ -22,6 +23,8 @@ both and so unlabelled."""
 
 _TILE_CODES = {2: 2, 6: 6}
 _UNLABELLED = 1
+
+NUM_PLANTINGS = 20
 
 
 def write_real_scans(data: Path, output: Path) -> Path:
@@ -41,6 +44,21 @@ def write_real_scans(data: Path, output: Path) -> Path:
             scan = set_on_ground(scan)
         codes = _OBJECT_CODES if is_object else _TILE_CODES
         _write(output / f"{path.parent.name}_{path.stem}.laz", scan, _recoded(scan.codes, codes))
+    return output
+
+
+def write_plantings(data: Path, output: Path) -> Path:
+    """Write plantings of the objects that may teach, each as a LAZ file.
+
+    Args:
+        data: The folder of real scans.
+        output: Where to.
+
+    Returns:
+        `output`.
+    """
+    for scan in plantings(data, NUM_PLANTINGS, seed=0):
+        _write(output / f"{scan.path.name}.laz", scan, _recoded(scan.codes, _OBJECT_CODES))
     return output
 
 

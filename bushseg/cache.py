@@ -16,11 +16,9 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from bushseg.errors import CacheError, WriteError
-from bushseg.features import FEATURES
 from bushseg.files import atomic_path
 from bushseg.manifests import CropsManifest, ScanManifest, check_manifest
 from bushseg.pyramid import Pyramid
-from bushseg.tile_data import TileData
 
 FORMAT_VERSION = 4
 """Changes whenever prepared data of one version would be misread by another."""
@@ -196,61 +194,6 @@ def pyramid_from_tensors(tensors: Mapping[str, NDArray[Any]], num_points: int) -
         decimated=tuple(level[1].astype(np.int32) for level in levels),
         interpolated=tuple(level[2].astype(np.int32) for level in levels),
     )
-
-
-def save_tile(path: Path, tile: TileData) -> None:
-    """Write a tile; what the scan's own order would need (`indices`) is left out."""
-    tensors: dict[str, NDArray[Any]] = {
-        "origin": tile.origin,
-        "is_core": tile.is_core,
-        "keys": tile.keys,
-        "xyz": tile.xyz,
-        "normals": tile.normals,
-        "labels": tile.labels,
-        "counts": tile.counts,
-        **{f"features.{name}": columns for name, columns in tile.features.items()},
-    }
-    save_tensors(path, tensors)
-
-
-def load_tile(path: Path) -> TileData:
-    """Read a tile.
-
-    Raises:
-        CacheError: It is missing, damaged or inconsistent.
-    """
-    tensors = load_tensors(path)
-    prefix = "features."
-    features = [name.removeprefix(prefix) for name in tensors if name.startswith(prefix)]
-
-    def take(name: str, dtype: type[np.generic], *shape: int) -> NDArray[Any]:
-        column = tensors[name]
-        if column.dtype != dtype or column.shape != shape:
-            raise CacheError(
-                f"{path}: {name} is {column.shape} {column.dtype}, expected {shape} "
-                f"{np.dtype(dtype)}; run `bushseg prepare` again"
-            )
-        return column
-
-    try:
-        size = tensors["keys"].size
-        return TileData(
-            origin=take("origin", np.float64, 3),
-            indices=np.arange(size),
-            is_core=take("is_core", np.bool_, size),
-            keys=take("keys", np.int64, size),
-            xyz=take("xyz", np.float32, size, 3),
-            normals=take("normals", np.float32, size, 3),
-            features={
-                name: take(prefix + name, np.float32, size, FEATURES[name]) for name in features
-            },
-            labels=take("labels", np.int16, size),
-            counts=take("counts", np.int32, size),
-        )
-    except KeyError as error:
-        raise CacheError(
-            f"{path}: lacks or doesn't know {error}; run `bushseg prepare` again"
-        ) from error
 
 
 def _check_indices(indices: NDArray[Any], limit: int, *shape: int) -> None:

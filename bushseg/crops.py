@@ -3,16 +3,17 @@
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.neighbors import nearest
 from bushseg.sampling import ZetaQueue, raise_by_distance
+from bushseg.scratch import Scratch
 
-OPEN_TILES = 32
-"""Tiles held in memory at once while crops are drawn."""
+OPEN_VOXELS = 1 << 22
+"""Voxels, halos included, of the tiles that are held in memory at once while crops are drawn."""
 
 
 class TilePoints(Protocol):
@@ -29,6 +30,9 @@ class TilePoints(Protocol):
     @property
     def labels(self) -> NDArray[np.int16]:
         """Class index or -1, (N,)."""
+
+
+Points = TypeVar("Points", bound=TilePoints)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +63,7 @@ def class_weights(class_counts: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.append(shares, 1.0)
 
 
-class CropSampler:
+class CropSampler(Generic[Points]):
     """Draws crops; each draw's center is the point least seen so far.
 
     Args:
@@ -68,22 +72,25 @@ class CropSampler:
         crop_points: n, points in a crop; a tile with fewer gives all it has.
         weights: W by class index, from :func:`class_weights`.
         rng: Draws the zeta.
+        scratch: Holds the zeta; None for memory.
     """
 
     def __init__(
         self,
         core_sizes: Sequence[int],
-        load: Callable[[int], TilePoints],
+        load: Callable[[int], Points],
         crop_points: int,
         weights: NDArray[np.float64],
         rng: np.random.Generator,
+        scratch: Scratch | None = None,
     ) -> None:
         self._starts = np.concatenate([[0], np.cumsum(core_sizes)]).astype(np.int64)
         self._load = load
         self._crop_points = crop_points
         self._weights = weights
-        self._open: OrderedDict[int, _OpenTile] = OrderedDict()
-        self.queue = ZetaQueue(int(self._starts[-1]), rng)
+        self._open: OrderedDict[int, _OpenTile[Points]] = OrderedDict()
+        self._num_open = 0
+        self.queue = ZetaQueue(int(self._starts[-1]), rng, scratch)
 
     def draw(self) -> Crop:
         """Take the point with the smallest zeta and its nearest neighbors; raise them by eq. 3.
@@ -108,23 +115,29 @@ class CropSampler:
         for _ in range(count):
             yield self.draw()
 
-    def _tile(self, number: int) -> "_OpenTile":
+    def points(self, number: int) -> Points:
+        """A tile's points; those of the last draw's tile are in memory."""
+        return self._tile(number).points
+
+    def _tile(self, number: int) -> "_OpenTile[Points]":
         """A tile; the least recently used are put away."""
         tile = self._open.pop(number, None)
         if tile is None:
             points = self._load(number)
             tile = _OpenTile(points, np.flatnonzero(points.is_core))
+            self._num_open += len(points.xyz)
         self._open[number] = tile
-        if len(self._open) > OPEN_TILES:
-            self._open.popitem(last=False)
+        while self._num_open > OPEN_VOXELS and len(self._open) > 1:
+            _, closed = self._open.popitem(last=False)
+            self._num_open -= len(closed.points.xyz)
         return tile
 
 
 @dataclass(frozen=True, slots=True)
-class _OpenTile:
+class _OpenTile(Generic[Points]):
     """A tile held in memory: its points, and which of them are core."""
 
-    points: TilePoints
+    points: Points
     core: NDArray[np.intp]
 
 

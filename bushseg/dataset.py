@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bushseg.cache import load_tensors, load_tile, member, pyramid_from_tensors, read_json
+from bushseg.cache import load_tensors, member, pyramid_from_tensors, read_json
 from bushseg.config import TrainConfig
 from bushseg.crops import CropSampler, class_weights, enough_crops
 from bushseg.errors import CacheError, ConfigError, DataError
@@ -17,6 +17,7 @@ from bushseg.manifests import CropsManifest, DatasetManifest, check_manifest
 from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import NetworkTile, TileData
+from bushseg.tile_files import load_tile
 
 _OPEN_TILES = 48
 _WHOLE_TILES = 16
@@ -188,7 +189,7 @@ class Dataset:
         pyramid = tile.crop_pyramid(indices, self.config)
         return self._sample(tile, indices, pyramid)
 
-    def sampler(self, tiles: Sequence[int], rng: np.random.Generator) -> CropSampler:
+    def sampler(self, tiles: Sequence[int], rng: np.random.Generator) -> CropSampler[TileData]:
         """Draws fresh crops from some of the tiles; its crops number the tiles as `tiles` does."""
         return CropSampler(
             [self.tiles[number].core_size for number in tiles],

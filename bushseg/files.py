@@ -67,6 +67,16 @@ def remove_partials(path: str | Path) -> None:
                 found.unlink()
 
 
+def remove_partials_in(folder: Path) -> None:
+    """Remove what killed processes left of any output in a folder.
+
+    To be called by one who knows that no other process is writing there.
+    """
+    with suppress(OSError):
+        for found in folder.glob(f".*-????????{_PARTIAL}*"):
+            found.unlink()
+
+
 def check_output(
     output: str | Path, inputs: tuple[str | Path, ...] = (), *, overwrite: bool
 ) -> None:

@@ -10,6 +10,8 @@ from bushseg.errors import CacheError
 from bushseg.scheme import ClassScheme
 
 Count = Annotated[int, Field(ge=0, lt=2**62)]
+CodeCounts = dict[Annotated[str, Field(pattern=r"^-?[0-9]{1,20}$")], Count]
+"""How many points hold each code."""
 
 
 class _Part(BaseModel):
@@ -33,7 +35,7 @@ class ScanManifest(_Part):
     path: str
     num_points: Count
     num_skipped: Count
-    unknown_codes: dict[Annotated[str, Field(pattern=r"^-?[0-9]{1,19}$")], Count]
+    unknown_codes: CodeCounts
     invalid_codes: Count
     tiles: list[TileRecord]
     has_labels: bool

@@ -1,4 +1,4 @@
-"""Settings that keep `predict` within a given memory.
+"""Sizes that keep `predict`, or `prepare`, within a given memory.
 
 Three things take it: the program itself with its compiled loops; while a scan is read, a table of
 voxels and chunks of points; while it is labelled, one tile and the network's features of it. The
@@ -24,6 +24,16 @@ TILE_VOXEL = 1_200
 
 TABLE_VOXEL = 200
 """Bytes that a voxel takes in the table, which is sorted in the end."""
+
+CLASS_VOXEL = 8
+"""Bytes more of it for each class that its points may vote for."""
+
+PREPARING = 450_000_000
+"""Bytes of `prepare`, which loads no network, the table or the tile that is cut aside: a chunk of
+points, a piece of the scan on its way to normals, tiles that crops are drawn from."""
+
+CUT_VOXEL = 200
+"""Bytes that a voxel of a tile or its halo takes while the tile is cut and written."""
 
 HALO = 1.3
 """Voxels of a tile with its halo, per voxel of its core; of smaller tiles more."""
@@ -97,6 +107,29 @@ def fit(max_memory: int, workers: int = 1) -> Sizes:
         max_voxels=min((max_memory - READING) // TABLE_VOXEL, _MOST_TABLE),
         workers=workers,
     )
+
+
+def fit_table(max_memory: int | str, tile_points: int, num_classes: int) -> int:
+    """How many voxels `prepare` may hold in memory while it reads a scan.
+
+    Args:
+        max_memory: Bytes to keep within, or a size such as "2GB".
+        tile_points: Voxels in a tile's core.
+        num_classes: Classes that a voxel's points may vote for.
+
+    Raises:
+        ConfigError: No number of them would do.
+    """
+    if isinstance(max_memory, str):
+        max_memory = parse_size(max_memory)
+    voxel = TABLE_VOXEL + CLASS_VOXEL * num_classes
+    least = PREPARING + max(voxel * _LEAST_TABLE, int(HALO * CUT_VOXEL * tile_points))
+    if max_memory < least:
+        raise ConfigError(
+            f"max_memory is {max_memory / 1e9:.2f} GB; preparing tiles of {tile_points:,} voxels "
+            f"takes at least {least / 1e9:.2f} GB: allow as much"
+        )
+    return min((max_memory - PREPARING) // voxel, _MOST_TABLE)
 
 
 def be_lean() -> None:

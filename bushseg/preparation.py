@@ -12,29 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from bushseg.cache import FORMAT_VERSION, KEY_DIGITS, read_finished, write_json
+from bushseg.cache import FORMAT_VERSION, KEY_DIGITS, write_json
 from bushseg.codes import Encoded, UnknownCodes
 from bushseg.config import PrepareConfig
+from bushseg.crop_files import finished_crops, write_crops
 from bushseg.errors import DataError
 from bushseg.features import FEATURES
 from bushseg.files import remove_partials
 from bushseg.io import find_scans
 from bushseg.labels import load_scheme
 from bushseg.locks import locked
-from bushseg.manifests import CropsManifest, ScanManifest
-from bushseg.prepared import (
-    DATASET,
-    MANIFEST,
-    crop_name,
-    crops_key,
-    scan_key,
-    tile_name,
-    write_crops,
-    write_tiles,
-)
+from bushseg.memory import be_lean, fit_table
+from bushseg.prepared import DATASET, SCRATCH, crops_key, scan_key
 from bushseg.progress import SILENT, Progress
+from bushseg.scan_tiles import finished_tiles, write_tiles
 from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
+from bushseg.subsample import MAX_VOXELS
 
 _NO_LABELS = np.empty(0, dtype=np.int16)
 
@@ -81,6 +75,7 @@ def prepare(
     output: str | Path = "prepared",
     config: PrepareConfig | None = None,
     *,
+    max_memory: int | str | None = None,
     progress: Progress = SILENT,
 ) -> PrepareResult:
     """Prepare scans for training.
@@ -92,6 +87,8 @@ def prepare(
         paths: Scans, or folders that are searched for them.
         output: The data set's folder.
         config: Settings; None takes the defaults.
+        max_memory: Memory to keep within, bytes or a size such as "2GB": what of a scan goes beyond
+            it stands in files beside its tiles meanwhile, which come out the same.
         progress: Told of points read, tiles made and crops drawn.
 
     Returns:
@@ -99,15 +96,19 @@ def prepare(
 
     Raises:
         BushsegError: A scan can't be read, a setting doesn't fit, there is no scan at all, the disk
-            is full, or another process prepares into this folder.
+            is full, `max_memory` is too little, or another process prepares into this folder.
     """
     config = config or PrepareConfig()
     scheme = load_scheme(config.scheme)
+    max_voxels = MAX_VOXELS
+    if max_memory is not None:
+        be_lean()
+        max_voxels = fit_table(max_memory, config.tile_points, scheme.num_classes)
     scans = find_scans(paths)
     if not scans:
         raise DataError(f"{', '.join(map(str, paths))}: no scan found; give scans or their folder")
     with locked(output):
-        return _prepare(scans, Path(output), config, scheme, progress)
+        return _prepare(scans, Path(output), config, scheme, max_voxels, progress)
 
 
 def _prepare(
@@ -115,29 +116,30 @@ def _prepare(
     folder: Path,
     config: PrepareConfig,
     scheme: ClassScheme,
+    max_voxels: int,
     progress: Progress,
 ) -> PrepareResult:
     """Make what isn't there, in a folder that nobody else writes to."""
     begun, stages = time.perf_counter(), Stages()
     remove_partials(folder / DATASET)
+    places = [_place(folder, path, config, scheme) for path in scans]
+    _remove_abandoned(folder, places)
     manifests, num_redone = [], 0
-    for path in scans:
-        key = scan_key(path, config, scheme)
-        place = folder / "scans" / f"{path.name.split('.')[0][:60]}-{key}"
-        manifest = read_finished(place / MANIFEST, tile_name, ScanManifest)
+    for path, place in zip(scans, places, strict=True):
+        manifest = finished_tiles(place)
         if manifest is None:
-            shutil.rmtree(place, ignore_errors=True)  # what a killed run left
-            manifest = write_tiles(path, place, config, scheme, progress, stages)
+            manifest = write_tiles(path, place, config, scheme, max_voxels, progress, stages)
             num_redone += 1
         manifests.append({**manifest, "folder": f"scans/{place.name}"})
     crops = folder / f"crops-{crops_key(manifests, config)}"
     tiles = [tile for manifest in manifests for tile in manifest["tiles"]]
     class_counts = np.sum([tile["class_counts"] for tile in tiles], axis=0)
-    drawn = read_finished(crops / MANIFEST, crop_name, CropsManifest)
+    drawn = finished_crops(crops)
     crops_redone = drawn is None
     if drawn is None:
-        shutil.rmtree(crops, ignore_errors=True)
-        drawn = write_crops(folder, crops, manifests, class_counts, config, progress, stages)
+        drawn = write_crops(
+            folder, crops, manifests, class_counts, config, max_voxels, progress, stages
+        )
     features = [manifest["features"] for manifest in manifests]
     dataset = {
         "version": FORMAT_VERSION,
@@ -165,6 +167,18 @@ def _prepare(
         stages=stages.seconds,
         warnings=tuple(_warnings(manifests, scheme)),
     )
+
+
+def _place(folder: Path, scan: Path, config: PrepareConfig, scheme: ClassScheme) -> Path:
+    """A scan's folder in the data set."""
+    return folder / "scans" / f"{scan.name.split('.')[0][:60]}-{scan_key(scan, config, scheme)}"
+
+
+def _remove_abandoned(folder: Path, places: Sequence[Path]) -> None:
+    """Remove what killed runs with other settings kept to go on with: it may be large."""
+    for path in _keyed(folder):
+        if path not in places:
+            shutil.rmtree(path / SCRATCH, ignore_errors=True)
 
 
 def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Iterable[str]:
@@ -195,7 +209,13 @@ def _warnings(manifests: Sequence[dict[str, Any]], scheme: ClassScheme) -> Itera
 def _remove_stale(folder: Path, scans: Sequence[str], crops: str) -> None:
     """Remove what earlier runs made and nothing names any more; what bears no key isn't ours."""
     keep = {folder / name for name in scans} | {folder / crops}
-    key = "-" + "[0-9a-f]" * KEY_DIGITS
-    for path in (*folder.glob(f"scans/*{key}"), *folder.glob(f"crops{key}")):
-        if path.is_dir() and path not in keep:
+    for path in _keyed(folder):
+        if path not in keep:
             shutil.rmtree(path)
+
+
+def _keyed(folder: Path) -> list[Path]:
+    """The folders of scans and crops, of any key."""
+    key = "-" + "[0-9a-f]" * KEY_DIGITS
+    found = (*folder.glob(f"scans/*{key}"), *folder.glob(f"crops{key}"))
+    return [path for path in found if path.is_dir()]

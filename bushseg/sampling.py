@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from bushseg.config import Sampling
 from bushseg.decimation import decimate_mrs
+from bushseg.scratch import Scratch
 
 _BLOCK = 512
+_RELEASED_AFTER = 64  # draws; each touches the pages of one tile at most
 
 
 def raise_by_distance(
@@ -46,14 +48,27 @@ class ZetaQueue:
     Args:
         num_points: How many points.
         rng: Draws the first zeta.
+        scratch: Holds them; None for memory.
+
+    Raises:
+        WriteError: The scratch folder can't hold them.
     """
 
-    def __init__(self, num_points: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self, num_points: int, rng: np.random.Generator, scratch: Scratch | None = None
+    ) -> None:
         self.num_points = num_points
-        blocks = -(-num_points // _BLOCK)
-        self._zeta = np.full(blocks * _BLOCK, np.inf)
-        self._zeta[:num_points] = rng.random(num_points)
-        self._minima = self._zeta.reshape(-1, _BLOCK).min(axis=1)
+        self._scratch = scratch or Scratch()
+        self._num_draws = 0
+        size = -(-num_points // _BLOCK)
+        self._zeta = self._scratch.empty("zeta", (size * _BLOCK,), np.float64)
+        self._minima = np.empty(size)
+        for rows in self._scratch.blocks(len(self._zeta)):
+            part = self._zeta[rows]
+            count = min(len(part), num_points - rows.start)
+            part[:count], part[count:] = rng.random(count), np.inf
+            minima = part.reshape(-1, _BLOCK).min(axis=1)
+            self._minima[rows.start // _BLOCK : rows.stop // _BLOCK] = minima
 
     @property
     def zeta(self) -> NDArray[np.float64]:
@@ -77,6 +92,9 @@ class ZetaQueue:
         self._zeta[indices] += amounts
         touched = np.unique(indices // _BLOCK)
         self._minima[touched] = self._zeta.reshape(-1, _BLOCK)[touched].min(axis=1)
+        self._num_draws += 1
+        if self._num_draws % _RELEASED_AFTER == 0:
+            self._scratch.release()
 
 
 def hash_uniform(keys: NDArray[np.int64], seed: int) -> NDArray[np.float64]:

@@ -15,11 +15,11 @@ from bushseg.io.base import ScanReader
 from bushseg.progress import SILENT, Progress
 from bushseg.room import SCRATCH_VOXEL, check_room
 from bushseg.scheme import ClassScheme
+from bushseg.scratch import ELSEWHERE
 from bushseg.stages import Stages
 from bushseg.subsample import MAX_VOXELS, GridSubsampler, Voxels
 
 _ANCHOR_POINTS = 10_001
-_OTHER_SCRATCH = "name a folder elsewhere with --scratch"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ def read_voxels(
         if folder is not None and not checked and subsampler.num_spilled:
             checked = True
             voxels_expected = subsampler.num_spilled * info.num_points / num_points
-            check_room(folder, SCRATCH_VOXEL * voxels_expected, "scratch data", _OTHER_SCRATCH)
+            check_room(folder, SCRATCH_VOXEL * voxels_expected, "scratch data", ELSEWHERE)
     if subsampler is None:
         raise DataError(f"{info.path}: none of its {num_points} points has finite coordinates")
     with stages.timed("sub-sample"):

@@ -17,6 +17,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from bushseg.errors import CacheError, WriteError
 
+ELSEWHERE = "work on another disk: --scratch of predict, --output of prepare"
+"""What to do where a disk can't hold scratch files."""
+
 BLOCK_ROWS = 1 << 20
 """Rows that a pass over all voxels handles at a time."""
 
@@ -69,7 +72,7 @@ class Scratch:
         except OSError as error:
             raise WriteError(
                 f"{path}: no room for {num_bytes / 1e9:.1f} GB of scratch data "
-                f"({error.strerror or error}); free some space or name another --scratch folder"
+                f"({error.strerror or error}); free some space, or {ELSEWHERE}"
             ) from error
 
     def open(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:

@@ -16,7 +16,7 @@ from bushseg.codes import UnknownCodes
 from bushseg.errors import CacheError
 from bushseg.features import FEATURES
 from bushseg.grid import VoxelGrid
-from bushseg.manifests import Count
+from bushseg.manifests import CodeCounts, Count
 from bushseg.scan import VoxelScan
 from bushseg.scratch import Scratch
 from bushseg.subsample import Voxels
@@ -42,6 +42,8 @@ class _Manifest(BaseModel):
     sensor: _Position | None
     num_points: Count
     num_skipped: Count
+    unknown_codes: CodeCounts
+    invalid_codes: Count
     halo_blocks: Count
     num_cubes: Count
     tiles: list[tuple[_Block, _Block, _Block, _Block, Count]]
@@ -83,6 +85,8 @@ def store_scan(scan: VoxelScan, tiling: Tiling) -> None:
         sensor=None if scan.sensor is None else tuple(scan.sensor.tolist()),
         num_points=scan.num_points,
         num_skipped=scan.num_skipped,
+        unknown_codes={str(code): count for code, count in scan.unknown.codes.items()},
+        invalid_codes=scan.unknown.invalid,
         halo_blocks=tiling.halo_blocks,
         num_cubes=tiling.num_cubes,
         tiles=[(*tile.low, *tile.high, tile.num_points) for tile in tiling.tiles],
@@ -94,7 +98,7 @@ def open_stored(folder: Path) -> tuple[VoxelScan, Tiling]:
     """Take up a scan that :func:`store_scan` completed.
 
     Returns:
-        The scan, without the raw values of its voxels and without unknown codes; and its tiling.
+        The scan, without the raw values of its voxels; and its tiling.
 
     Raises:
         CacheError: There is none, or it is damaged.
@@ -114,8 +118,9 @@ def open_stored(folder: Path) -> tuple[VoxelScan, Tiling]:
         name: scratch.open(name, (size, FEATURES[name]), np.float32) for name in manifest.features
     }
     sensor = None if manifest.sensor is None else np.array(manifest.sensor)
-    scan = VoxelScan(
-        voxels, features, sensor, manifest.num_points, manifest.num_skipped, UnknownCodes()
+    unknown = UnknownCodes(
+        {int(code): count for code, count in manifest.unknown_codes.items()}, manifest.invalid_codes
     )
+    scan = VoxelScan(voxels, features, sensor, manifest.num_points, manifest.num_skipped, unknown)
     tiles = [Tile((a, b), (c, d), count) for a, b, c, d, count in manifest.tiles]
     return scan, Tiling.opened(tiles, manifest.halo_blocks, manifest.num_cubes, scratch)

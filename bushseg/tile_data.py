@@ -81,6 +81,31 @@ class TileData:
 
 
 @dataclass(frozen=True, slots=True)
+class CropSource:
+    """What crops are drawn from: of a tile's voxels what decides which, and their pyramids.
+
+    Attributes:
+        is_core: Whether a voxel belongs to the core, (N,) bool.
+        keys: Voxel keys, (N,) int64.
+        xyz: Metres from the tile's origin, (N, 3) float32.
+        labels: Class index; -1 for unlabelled and for all of the halo, (N,) int16.
+    """
+
+    is_core: NDArray[np.bool_]
+    keys: NDArray[np.int64]
+    xyz: NDArray[np.float32]
+    labels: NDArray[np.int16]
+
+    def take(self, indices: NDArray[np.int32]) -> Self:
+        """Some of them, shape (n,), int32."""
+        return type(self)(*(getattr(self, name)[indices] for name in CropSource.__slots__))
+
+    def pyramid(self, settings: PyramidSettings) -> Pyramid:
+        """The pyramid of all of them."""
+        return _pyramid(self.xyz, self.keys, settings)
+
+
+@dataclass(frozen=True, slots=True)
 class NetworkTile(TileData):
     """A tile with all that the network needs of it.
 

@@ -6,6 +6,7 @@ in the core of exactly one tile; the halo lends a tile's border the neighbors it
 """
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import Self
 
@@ -52,7 +53,6 @@ class Tiling:
         scratch: Scratch | None = None,
     ) -> None:
         scratch = scratch or Scratch()
-        self.halo_blocks = -(-halo // BLOCK)
         # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
         num_cubes, last = 0, -1
         for rows in blocks(len(keys)):
@@ -67,8 +67,7 @@ class Tiling:
             done, last = done + found, int(keys[rows][-1])
             scratch.release()
         self._bounds[done] = len(keys)
-        columns, sizes = self._gather_blocks()
-        self.tiles = [_tile(columns, sizes, part) for part in _split(columns, sizes, tile_points)]
+        self._cut(tile_points, halo)
         scratch.release()
 
     @classmethod
@@ -83,6 +82,18 @@ class Tiling:
         tiling._bounds = scratch.open(_CUBES, (num_cubes + 1,), np.int64)
         tiling._columns = scratch.open(_COLUMNS, (num_cubes, 2), np.int32)
         return tiling
+
+    def recut(self, tile_points: int, halo: int) -> "Tiling":
+        """Other tiles of the same voxels, found by the same index; arguments as above."""
+        other = copy(self)
+        other._cut(tile_points, halo)
+        return other
+
+    def _cut(self, tile_points: int, halo: int) -> None:
+        """Choose the tiles."""
+        columns, sizes = self._gather_blocks()
+        self.tiles = [_tile(columns, sizes, part) for part in _split(columns, sizes, tile_points)]
+        self.halo_blocks = -(-halo // BLOCK)
 
     @property
     def num_cubes(self) -> int:

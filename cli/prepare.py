@@ -41,6 +41,10 @@ def prepare(
         str | None, typer.Option(help="mrs or random decimation.  [default: mrs]")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed.  [default: 0]")] = None,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(help="Memory to keep within, such as 2GB; what is beyond goes to disk."),
+    ] = None,
     config: ConfigFile = None,
     profile: Profile = False,
     quiet: Quiet = False,
@@ -49,7 +53,7 @@ def prepare(
     """Turn labelled scans into cached tensors for training.
 
     Run again, it redoes only what a changed setting or file touches; stopped or killed, the same
-    command goes on with the scan it was at.
+    command goes on where it was.
 
     Examples:
 
@@ -79,7 +83,7 @@ def prepare(
         if not (quiet or as_json):
             err.print(f"prepared for {whose}")
     with interruptible(), progress(quiet=quiet or as_json) as shown:
-        result = run(paths, output, settings, progress=shown)
+        result = run(paths, output, settings, max_memory=max_memory, progress=shown)
     if as_json:
         print_json(result)
         return

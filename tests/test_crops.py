@@ -121,7 +121,7 @@ def test_a_draw_looks_at_the_blocks_of_its_points_only() -> None:
 
 
 def test_tiles_long_unused_are_put_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crops, "OPEN_TILES", 2)
+    monkeypatch.setattr(crops, "OPEN_VOXELS", 2 * 800)
     tiles = [tile(seed) for seed in range(4)]
     loads: list[int] = []
 
@@ -135,7 +135,7 @@ def test_tiles_long_unused_are_put_away(monkeypatch: pytest.MonkeyPatch) -> None
     drawn = [(crop.tile, crop.indices.tolist()) for crop in limited.draws(40)]
     assert len(limited._open) == 2
     assert 4 < len(loads) < 40
-    monkeypatch.setattr(crops, "OPEN_TILES", 32)
+    monkeypatch.setattr(crops, "OPEN_VOXELS", 32 * 800)
     assert drawn == [(crop.tile, crop.indices.tolist()) for crop in sampler(tiles).draws(40)]
 
 

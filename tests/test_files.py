@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bushseg.errors import WriteError
-from bushseg.files import atomic_path, check_output, remove_partials
+from bushseg.files import atomic_path, check_output, remove_partials, remove_partials_in
 
 
 def write_half(target: Path, error: type[BaseException], *, remove: bool) -> None:
@@ -120,3 +120,18 @@ def test_what_killed_processes_left_is_removed_and_nothing_else(tmp_path: Path) 
     assert not left.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(others)
     remove_partials(tmp_path / "nowhere" / "out.las")
+
+
+def test_partial_files_of_a_whole_folder(tmp_path: Path) -> None:
+    names = (
+        ".a-abcd1234.partial.las",
+        ".tile_0003-_2z4efgh.partial.safetensors",
+        ".a-x_y_z_12.partial",
+    )
+    left = [tmp_path / name for name in names]
+    others = [tmp_path / name for name in ("a.las", ".a-12345678.las", "a-12345678.partial.las")]
+    for path in (*left, *others):
+        path.touch()
+    remove_partials_in(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(others)
+    remove_partials_in(tmp_path / "nowhere")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bushseg import prediction
+from bushseg import prediction, preparation
 from bushseg.config import PredictConfig
 from bushseg.errors import WriteError
 from bushseg.folder_prediction import predict_folder
@@ -85,6 +85,20 @@ def test_of_a_folder_the_first_scan_is_named(model, scans, tmp_path, files_of_at
     assert [scan.status for scan in result.scans] == ["failed"] * 3
     assert result.scans[0].error.startswith(f"{tmp_path / 'out' / 'middle.las'}: ")
     assert predict_folder(scans, tmp_path / "out", model).complete
+
+
+@pytest.mark.parametrize("size", [3_000, 20_000])
+def test_while_voxels_to_prepare_go_to_disk(
+    scans, tiny, tmp_path, files_of_at_most, size, monkeypatch
+):
+    monkeypatch.setattr(preparation, "MAX_VOXELS", 300)
+    output = tmp_path / "prepared"
+    with files_of_at_most(size), pytest.raises(WriteError, match="work on another disk") as error:
+        prepare([scans], output, tiny().prepare)
+    assert "File too large" in str(error.value)
+    prepare([scans], output, tiny().prepare)
+    assert not list(output.rglob(".*"))
+    assert (output / "dataset.json").exists()
 
 
 @pytest.mark.parametrize("size", [2_000, 30_000, 100_000])

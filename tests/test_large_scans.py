@@ -117,6 +117,8 @@ def test_what_is_damaged_is_done_again(name, damage, label, undisturbed, tmp_pat
         ('"num_cubes": ', '"num_cubes": 9', "expected"),
         ('"height"', '"../../height"', "features"),
         ('"version": ', '"version": 9', "version"),
+        ('"unknown_codes": {', '"unknown_codes": {"none": 1', "unknown_codes"),
+        ('"invalid_codes": ', '"invalid_codes": -1', "invalid_codes is no such value"),
         ('"halo_blocks"', '"halo"', "is no such value"),
     ],
 )

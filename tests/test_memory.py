@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bushseg.errors import ConfigError
-from bushseg.memory import LEAST, be_lean, fit, give_back, parse_size
+from bushseg.memory import LEAST, be_lean, fit, fit_table, give_back, parse_size
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,23 @@ def test_too_little_is_refused() -> None:
         fit(500_000_000)
     with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 4\.\d+ GB"):
         fit(2_000_000_000, 4)
+
+
+@given(st.integers(1_000, 4_000_000), st.integers(1, 200), st.integers(0, 10**13))
+def test_a_table_for_prepare(tile_points: int, num_classes: int, max_memory: int) -> None:
+    try:
+        max_voxels = fit_table(max_memory, tile_points, num_classes)
+    except ConfigError:
+        assert max_memory < 2 * 10**9
+        return
+    assert LEAST.max_voxels <= max_voxels <= fit_table(max_memory + 10**9, tile_points, 1)
+    assert max_voxels * (200 + 8 * num_classes) < max_memory
+
+
+def test_too_little_for_prepare_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"0\.30 GB; preparing tiles of 4,000,000 .* 1\.49 GB"):
+        fit_table("300 MB", 4_000_000, 8)
+    assert fit_table("2GB", 120_000, 8) == fit_table(2 * 10**9, 120_000, 8)
 
 
 def test_giving_memory_back_is_harmless() -> None:

@@ -3,17 +3,21 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from plyfile import PlyData, PlyElement
 
-from bushseg.cache import load_tensors, load_tile, pyramid_from_tensors, read_json
+from bushseg import preparation
+from bushseg.cache import load_tensors, pyramid_from_tensors, read_json
 from bushseg.config import PrepareConfig
 from bushseg.dataset import Dataset
-from bushseg.errors import DataError, ReadError, SchemeError
+from bushseg.errors import ConfigError, DataError, ReadError, SchemeError
+from bushseg.memory import fit_table
 from bushseg.preparation import PrepareResult, prepare
 from bushseg.prepared import DATASET, crop_name, tile_name
+from bushseg.tile_files import load_tile
 
 CONFIG = PrepareConfig(
     voxel_size=0.1,
@@ -283,6 +287,51 @@ def test_unknown_codes_are_counted_and_skipped_points_reported(tmp_path: Path, s
     assert result.class_counts["bush"] == 0
     none = save_ply(site / "none.ply", (1, 1))
     assert "nothing to train on" in " ".join(run(tmp_path, none).warnings)
+
+
+def test_with_little_memory_the_same_files(
+    tmp_path: Path, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = snapshot(run(tmp_path / "whole", site).folder)
+    told: list[int] = []
+    honest = preparation.write_tiles
+
+    def watched(*args: Any) -> dict[str, Any]:
+        told.append(args[4])
+        return honest(*args[:4], 200, *args[5:])
+
+    monkeypatch.setattr(preparation, "write_tiles", watched)
+    monkeypatch.setattr(preparation, "be_lean", lambda: told.append(-1))
+    folder = prepare([site], tmp_path / "little", CONFIG, max_memory="600MB").folder
+    assert told[0] == -1
+    assert told[1] == told[2] == fit_table("600MB", CONFIG.tile_points, 7)
+    for path in whole:
+        assert (folder / path).read_bytes() == (tmp_path / "whole/prepared" / path).read_bytes()
+    assert snapshot(folder).keys() == whole.keys()
+
+
+def test_too_little_memory_is_refused_before_anything_is_done(tmp_path: Path, site: Path) -> None:
+    with pytest.raises(ConfigError, match=r"preparing tiles of 1,000 voxels takes at least 0\.5"):
+        prepare([site], tmp_path / "prepared", CONFIG, max_memory=10**8)
+    assert not (tmp_path / "prepared").exists()
+
+
+def test_what_was_kept_to_go_on_with_goes_with_its_settings(
+    tmp_path: Path, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preparation, "MAX_VOXELS", 200)
+    monkeypatch.setattr(preparation, "write_crops", None)
+    monkeypatch.setattr("bushseg.scan_tiles.save_tile", None)
+    with pytest.raises(TypeError):
+        run(tmp_path, site)
+    (scratch,) = (tmp_path / "prepared").glob("scans/*/.scratch")
+    with pytest.raises(TypeError):
+        run(tmp_path, site)
+    assert scratch.exists()
+    with pytest.raises(TypeError):
+        run(tmp_path, site, voxel_size=0.2)
+    (other,) = (tmp_path / "prepared").glob("scans/*/.scratch")
+    assert other != scratch
 
 
 def test_what_cannot_be_prepared_is_refused(tmp_path: Path, site: Path) -> None:

@@ -57,15 +57,28 @@ def kill_until_done(start, folder: Path, seconds: float, seed: int, most: int) -
     return most
 
 
-def check_killed(start_command, scans, settings, tmp_path, seed: int, most: int) -> int:
+ON_DISK = """
+from bushseg import preparation, voxel_normals
+preparation.MAX_VOXELS, voxel_normals._TILE_POINTS = 100, 700
+"""
+"""As if memory held a hundred voxels."""
+
+
+def check_killed(
+    start_command, scans, settings, tmp_path, seed: int, most: int, before: str = ""
+) -> int:
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     common = ("prepare", scans, "-c", settings, "-q", "-o")
-    command = start_command(*common, whole)
+
+    def start():
+        return start_command(*common, killed, before=before)
+
+    command = start_command(*common, whole, before=before)
     command.wait_for(whole, ".lock")
     begun = time.perf_counter()
     assert command.wait() == 0, command.said.read_text()
     seconds = time.perf_counter() - begun
-    times = kill_until_done(lambda: start_command(*common, killed), killed, seconds, seed, most)
+    times = kill_until_done(start, killed, seconds, seed, most)
     assert times >= 1
     assert contents(killed) == contents(whole)
     return times
@@ -78,17 +91,19 @@ def settings(tiny, tmp_path) -> Path:
     return path
 
 
-def test_killed_at_random_moments(start_command, scans, settings, tmp_path):
-    check_killed(start_command, scans, settings, tmp_path, seed=1, most=4)
+@pytest.mark.parametrize("before", ["", ON_DISK], ids=["in memory", "on disk"])
+def test_killed_at_random_moments(before, start_command, scans, settings, tmp_path):
+    check_killed(start_command, scans, settings, tmp_path, seed=1, most=4, before=before)
 
 
 @pytest.mark.slow
-def test_killed_at_many_moments(start_command, scans, settings, tmp_path):
+@pytest.mark.parametrize("before", ["", ON_DISK], ids=["in memory", "on disk"])
+def test_killed_at_many_moments(before, start_command, scans, settings, tmp_path):
     times = 0
     for seed in range(100):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        times += check_killed(start_command, scans, settings, folder, seed, most=5)
+        times += check_killed(start_command, scans, settings, folder, seed, most=5, before=before)
         if times >= 40:
             return
     raise AssertionError(f"killed only {times} times")

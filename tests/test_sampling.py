@@ -1,5 +1,7 @@
 """MRS (section 3.2): eq. 3 by hand, the queue against a plain search, decimation's promises."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from bushseg.config import Sampling
 from bushseg.neighbors import NeighborIndex
 from bushseg.sampling import ZetaQueue, decimate, hash_uniform, raise_by_distance
+from bushseg.scratch import Scratch
 
 METHODS: tuple[Sampling, ...] = ("mrs", "random")
 
@@ -52,6 +55,22 @@ def test_the_queue_finds_what_a_plain_search_finds(
         plain[indices] += amounts
     assert queue.smallest() == plain.argmin()
     np.testing.assert_array_equal(queue.zeta, plain)
+
+
+def test_zeta_in_a_file_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bushseg.scratch.BLOCK_ROWS", 1024)
+    monkeypatch.setattr("bushseg.sampling._RELEASED_AFTER", 2)
+    rng, other = (np.random.default_rng(5) for _ in range(2))
+    here, there = ZetaQueue(2_900, rng), ZetaQueue(2_900, other, Scratch(tmp_path))
+    assert (tmp_path / "zeta").exists()
+    assert rng.random() == other.random()
+    for seed in range(9):
+        np.testing.assert_array_equal(here.zeta, there.zeta)
+        assert here.smallest() == there.smallest()
+        indices = np.random.default_rng(seed).permutation(2_900)[:40]
+        indices = np.union1d(indices, here.smallest())
+        for queue in (here, there):
+            queue.add(indices, np.full(len(indices), 0.3))
 
 
 def test_zeta_is_for_reading() -> None:

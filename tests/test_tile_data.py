@@ -96,8 +96,8 @@ def test_voxels_lie_to_each_other_as_in_any_other_tile() -> None:
 
 def test_a_tile_of_points_alone_is_the_same_but_for_its_pyramid() -> None:
     scan = make_scan((15.0, 5.0, 2.0))
-    normals, _ = voxel_normals(scan, SETTINGS.num_neighbors, Stages())
     tiling = Tiling(scan.voxels.keys, 1_500, 16)
+    normals, _ = voxel_normals(scan, tiling, SETTINGS.num_neighbors, Stages())
     for tile in tiling.tiles:
         whole, bare = (
             cut_tile(scan, tiling, tile, SETTINGS),

@@ -50,6 +50,18 @@ def test_cores_partition_the_voxels_and_halos_hold_all_within_reach(
     assert (visits == 1).all()
 
 
+def test_cut_again_it_is_cut_as_anew() -> None:
+    keys = scattered(3)
+    tiling = Tiling(keys, 50, 16)
+    before = list(tiling.tiles)
+    again, anew = tiling.recut(120, 40), Tiling(keys, 120, 40)
+    assert again.tiles == anew.tiles != before
+    for tile in anew.tiles:
+        for ours, theirs in zip(again.members(tile), anew.members(tile), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    assert (tiling.tiles, tiling.halo_blocks) == (before, 1)
+
+
 def test_tiles_of_an_even_field_are_of_about_equal_size() -> None:
     x, y = np.meshgrid(np.arange(512), np.arange(512))
     keys = keys_of(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))

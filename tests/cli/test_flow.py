@@ -37,6 +37,13 @@ def test_from_scans_to_scores(bushseg, scans, settings):
     }
 
 
+def test_prepare_within_too_little_memory(bushseg, scans, settings):
+    refused = bushseg("prepare", scans, "-c", settings, "--max-memory", "300MB")
+    assert refused.status == 1
+    assert "takes at least 0.5" in refused.err
+    assert "is no size" in bushseg("prepare", scans, "-c", settings, "--max-memory", "lots").err
+
+
 def test_json_of_prepare_and_train(bushseg, scans, settings):
     made = json.loads(bushseg("prepare", scans, "-o", "data", "-c", settings, "--json").out)
     assert (made["folder"], made["num_scans"], made["num_redone"]) == ("data", 3, 3)

@@ -116,6 +116,14 @@ class Cluster:
 
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
+        self._is_stopped = False
+
+    @property
+    def size(self) -> int:
+        """How many workers there are; each does one job at a time, on all its threads."""
+        with suppress(OSError, TimeoutError):
+            return len(self._client.nthreads())
+        return 0
 
     def check(self, folder: Path) -> None:
         """As :meth:`bushseg.jobs.Scheduler.check`: every worker looks, and writes, into it."""
@@ -156,7 +164,7 @@ class Cluster:
         Dask does a task again whose worker died, on as many workers as its own settings say. A file
         beside the results marks what was begun, so that it is begun once.
         """
-        token = secrets.token_hex(4)
+        token, self._is_stopped = secrets.token_hex(4), False
         known = {}
         try:
             for number, arguments in jobs.items():
@@ -173,9 +181,18 @@ class Cluster:
             for future in self._completed(list(known)):
                 number, mark = known[future]
                 yield number, self._outcome(future, mark)
+                if self._is_stopped:
+                    break
         finally:
             with suppress(Exception):  # the scheduler may be gone
                 self._client.cancel(list(known))
+
+    def stop(self) -> None:
+        """As :meth:`bushseg.jobs.Scheduler.stop`: what was begun, nobody waits for."""
+        self._is_stopped = True
+
+    def end_idle(self) -> None:
+        """Nothing to do: what idles belongs to others."""
 
     def _completed(self, pending: list[Any]) -> Iterator[Any]:
         """Futures as they end."""
@@ -199,9 +216,7 @@ class Cluster:
             time.sleep(_TICK)
 
     def _has_workers(self) -> bool:
-        with suppress(OSError, TimeoutError):
-            return self._client.status == "running" and bool(self._client.nthreads())
-        return False
+        return self._client.status == "running" and self.size > 0
 
     def _outcome(self, future: Any, mark: Path) -> Outcome:
         """What became of a task that ended, by its mark: Dask's result is lost with its worker."""

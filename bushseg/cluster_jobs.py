@@ -25,7 +25,10 @@ def look(path: str, token: str, version: int) -> str | None:
     if version != FORMAT_VERSION:
         return f"has another version of bushseg (format {FORMAT_VERSION}, here {version})"
     folder = Path(path).parent
-    remedy = "name a --scratch folder that this machine and all workers share"
+    remedy = (
+        "name a --scratch folder, or for many scans an output folder, that this machine and all "
+        "workers share"
+    )
     try:
         found = Path(path).read_text(encoding="utf-8")
         with tempfile.NamedTemporaryFile(dir=folder):

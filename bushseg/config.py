@@ -205,10 +205,13 @@ class PredictConfig(Section):
         "voxels are held before they go to disk. None: tiles of tile_points",
     )
     workers: int = Field(
-        1, ge=1, le=1024, description="Processes that label tiles at once, each on its cores' share"
+        1,
+        ge=1,
+        le=1024,
+        description="Processes that label tiles, or a folder's scans, each on its share of the cores",
     )
     scheduler: str | None = Field(
-        None, description="Dask scheduler whose workers label the tiles: tcp://... or tls://..."
+        None, description="Dask scheduler whose workers do so: tcp://... or tls://..."
     )
     insecure_scheduler: bool = Field(
         False, description="Use a scheduler of another machine without tls"

@@ -7,6 +7,7 @@ all: one that has appeared since its scan was noted as begun is whole, even if t
 killed before it could say so.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,38 +64,55 @@ class Journal:
             return False
         return entry.done == (found == entry.file)
 
-    def begin(self, name: str, work: str) -> None:
-        """Note that an output is about to be made.
+    def begin(self, works: Mapping[str, str]) -> None:
+        """Note that outputs are about to be made.
+
+        Args:
+            works: The outputs' names, and the hash of all that each follows from.
 
         Raises:
             WriteError: The journal can't be written.
         """
-        self._note(name, _Entry(work=work, file=self._found(name), done=False))
+        for name, work in works.items():
+            self._held.outputs[name] = _Entry(work=work, file=self._found(name), done=False)
+        self._write()
 
-    def finish(self, name: str, work: str) -> None:
+    def finish(self, name: str, work: str, file: dict[str, str | int] | None = None) -> None:
         """Note that an output is done.
 
+        Args:
+            name: The output.
+            work: The hash of all it follows from.
+            file: What :func:`output_identity` said of it to the process that made it; None asks.
+
         Raises:
             WriteError: The journal can't be written.
         """
-        self._note(name, _Entry(work=work, file=self._found(name), done=True))
+        file = file or self._found(name)
+        self._held.outputs[name] = _Entry(work=work, file=file, done=True)
+        self._write()
 
     def forget(self, name: str) -> None:
         """Note that nothing is known of an output."""
-        self._note(name, None)
+        self._held.outputs.pop(name, None)
+        self._write()
 
-    def _note(self, name: str, entry: _Entry | None) -> None:
-        if entry is None:
-            self._held.outputs.pop(name, None)
-        else:
-            self._held.outputs[name] = entry
+    def _write(self) -> None:
         write_json(self._folder / JOURNAL, self._held.model_dump(mode="json"))
 
     def _found(self, name: str) -> dict[str, Any] | None:
-        """What tells an output from another: not its place, so that folders may be moved."""
         try:
-            found = identity(self._folder / name)
+            return output_identity(self._folder / name)
         except OSError:
             return None
-        del found["path"]
-        return found
+
+
+def output_identity(path: Path) -> dict[str, Any]:
+    """What tells an output from another: not its place, so that folders may be moved.
+
+    Raises:
+        OSError: There is none.
+    """
+    found = identity(path)
+    del found["path"]
+    return found

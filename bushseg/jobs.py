@@ -1,18 +1,25 @@
 """Work that another process does: a name and plain JSON go in, nothing or a complaint comes out."""
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
 from bushseg.errors import BushsegError
-from bushseg.tile_jobs import label_tile_job
+from bushseg.room import with_reason
 
 LABEL_TILE = "label tile"
+LABEL_SCAN = "label scan"
 
-JOBS: dict[str, Callable[..., None]] = {LABEL_TILE: label_tile_job}
-"""Every job there is. Results are files, which appear whole or not at all."""
+JOBS = {
+    LABEL_TILE: "bushseg.tile_jobs:label_tile_job",
+    LABEL_SCAN: "bushseg.scan_jobs:label_scan_job",
+}
+"""Every job there is: the module that is imported when it is first done, and the function there,
+since what does a job may also be what gives jobs out. Results are files, which appear whole or not
+at all."""
 
 one_at_a_time = threading.RLock()
 """A job uses all cores that its process may use: those of other threads wait."""
@@ -33,6 +40,10 @@ class Outcome:
 
 class Scheduler(Protocol):
     """Has jobs done by other processes."""
+
+    @property
+    def size(self) -> int:
+        """How many jobs are done at once."""
 
     def check(self, folder: Path) -> None:
         """Make sure that those processes can work in a folder.
@@ -58,6 +69,12 @@ class Scheduler(Protocol):
             WorkerError: There are no processes to do them.
         """
 
+    def stop(self) -> None:
+        """Begin no further job of the run that is on; those that were begun go on to their end."""
+
+    def end_idle(self) -> None:
+        """Have processes that wait for jobs leave their memory to those at work."""
+
 
 def run_job(name: str, arguments: Mapping[str, Any]) -> str | None:
     """Do a job in this process; jobs of several threads wait for each other.
@@ -70,9 +87,10 @@ def run_job(name: str, arguments: Mapping[str, Any]) -> str | None:
     """
     with one_at_a_time:
         try:
-            JOBS[name](**arguments)
+            module, _, function = JOBS[name].partition(":")
+            getattr(import_module(module), function)(**arguments)
         except BushsegError as error:
-            return str(error)
+            return with_reason(str(error), error)
         except OSError as error:
             return f"{error}; check the disk and its permissions"
     return None

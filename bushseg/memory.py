@@ -101,9 +101,9 @@ def fit(max_memory: int, workers: int = 1) -> Sizes:
             f"max_memory is {max_memory / 1e9:.2f} GB; labelling{processes} takes at least "
             f"{least.num_bytes / 1e9:.2f} GB: allow as much{', or fewer' if workers > 1 else ''}"
         )
-    share = (max_memory - (READING if workers > 1 else 0)) / workers
+    each = share(max_memory, workers)
     return Sizes(
-        tile_points=min(int((share - PROGRAM) / (HALO * TILE_VOXEL)), _MOST_TILE),
+        tile_points=min(int((each - PROGRAM) / (HALO * TILE_VOXEL)), _MOST_TILE),
         max_voxels=min((max_memory - READING) // TABLE_VOXEL, _MOST_TABLE),
         workers=workers,
     )
@@ -130,6 +130,11 @@ def fit_table(max_memory: int | str, tile_points: int, num_classes: int) -> int:
             f"takes at least {least / 1e9:.2f} GB: allow as much"
         )
     return min((max_memory - PREPARING) // voxel, _MOST_TABLE)
+
+
+def share(max_memory: int, workers: int) -> int:
+    """What each of several processes that label may take, in bytes; this one keeps its own."""
+    return (max_memory - READING) // workers if workers > 1 else max_memory
 
 
 def be_lean() -> None:

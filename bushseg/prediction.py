@@ -27,6 +27,7 @@ from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
 from bushseg.io.sizes import least_bytes
+from bushseg.jobs import Scheduler
 from bushseg.labeled_scan import LAS_SUFFIXES, write_labeled
 from bushseg.labeler import cut, label_tiles
 from bushseg.memory import be_lean, fit
@@ -119,6 +120,39 @@ def predict_file(
         BushsegError: The scan can't be read, the model doesn't fit, or the output can't be written.
     """
     config = config or PredictConfig()
+    with opened(config.workers, config.scheduler, insecure=config.insecure_scheduler) as scheduler:
+        return label_file(
+            scan, output, model, config, scheduler, overwrite=overwrite, progress=progress
+        )
+
+
+def label_file(
+    scan: str | Path,
+    output: str | Path,
+    model: Choice,
+    config: PredictConfig,
+    scheduler: Scheduler | None,
+    *,
+    overwrite: bool = False,
+    progress: Progress = SILENT,
+) -> PredictResult:
+    """As :func:`predict_file`, with a scheduler that is open already.
+
+    Args:
+        scan: As there.
+        output: As there.
+        model: As there.
+        config: Settings; of the workers and their scheduler, it only says how many share memory.
+        scheduler: Has the tiles labelled by other processes; None labels them here.
+        overwrite: As there.
+        progress: As there.
+
+    Returns:
+        What was done.
+
+    Raises:
+        BushsegError: As there.
+    """
     if config.max_memory is not None:
         be_lean()
         sizes = fit(config.max_memory, config.workers)
@@ -134,7 +168,7 @@ def predict_file(
         known = candidates(model)
     for candidate in known:  # a bad mapping shows now, not later
         candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
-    with opened(config) as scheduler, io.open_scan(scan) as reader:
+    with io.open_scan(scan) as reader:
         kept = KeptReader(reader)
         waves = None
         if suffix in LAS_SUFFIXES:
@@ -150,7 +184,9 @@ def predict_file(
         with workspace(output, _identity(scan, chosen, config), config.scratch) as place:
             if scheduler is not None:
                 scheduler.check(place)
-            voxel_scan, tiling = _voxels(kept, network, config, place, progress, stages)
+            voxel_scan, tiling = _voxels(
+                kept, network, config, place, progress, stages, on_disk=scheduler is not None
+            )
             labels = label_voxels(
                 network, voxel_scan, tiling, config, place, progress, stages, scheduler
             )
@@ -236,9 +272,8 @@ def _identity(scan: Path, chosen: Candidate, config: PredictConfig) -> dict[str,
     """All that the labels of a scan's voxels follow from."""
     # A model that is in memory alone has no name to know it by: what is done can't be taken up.
     model = file_hash(chosen.source) if isinstance(chosen.source, Path) else secrets.token_hex()
-    settings = config.model_dump(
-        mode="json", include={"tile_points", "halo", "precision", "max_memory"}
-    )
+    # Of max_memory, only the tiles' size makes a difference.
+    settings = config.model_dump(mode="json", include={"tile_points", "halo", "precision"})
     return {"scan": identity(scan), "model": model, "settings": settings}
 
 
@@ -249,10 +284,13 @@ def _voxels(
     place: Path,
     progress: Progress,
     stages: Stages,
+    *,
+    on_disk: bool,
 ) -> tuple[VoxelScan, Tiling]:
     """A scan's voxels and tiles: those that an earlier run left, or new ones.
 
-    Voxels that memory can hold are read again instead: that takes less time than a tile.
+    Voxels that memory can hold are read again instead: that takes less time than a tile. `on_disk`
+    puts them where other processes find them, however few they are.
     """
     with suppress(CacheError):
         return open_stored(place)
@@ -263,7 +301,7 @@ def _voxels(
         stages=stages,
         folder=place,
         max_voxels=MAX_VOXELS if config.max_memory is None else fit(config.max_memory).max_voxels,
-        on_disk=config.workers > 1 or config.scheduler is not None,
+        on_disk=on_disk,
     )
     with stages.timed("tiling"):
         tiling = cut(model, scan, config)

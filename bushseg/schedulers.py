@@ -1,37 +1,53 @@
 """Who does the jobs: this process, worker processes beside it, or a Dask cluster."""
 
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from bushseg.config import PredictConfig
-from bushseg.errors import ConfigError, WorkerError
-from bushseg.jobs import Scheduler
+from bushseg.errors import ConfigError
+from bushseg.jobs import Outcome, Scheduler
 from bushseg.worker_pool import WorkerPool
+
+_SHARED_FOLDER_DELAY = 60.0  # seconds
 
 
 @contextmanager
-def opened(config: PredictConfig) -> Iterator[Scheduler | None]:
-    """The scheduler that is set, ready to work; None where this process does everything itself.
+def opened(
+    workers: int = 1, address: str | None = None, *, insecure: bool = False
+) -> Iterator[Scheduler | None]:
+    """A scheduler that is ready to work, for as long as the block takes; its processes end with it.
+
+    Args:
+        workers: Processes beside this one; 1 for none.
+        address: A Dask scheduler's; None for none.
+        insecure: Whether another machine's may be called without TLS.
+
+    Yields:
+        The scheduler; None where this process does everything itself.
 
     Raises:
         ConfigError: The address isn't one that may be used, or workers are set as well.
         WorkerError: Dask isn't installed, or nobody answers at the address.
     """
-    if config.scheduler is not None and config.workers > 1:
+    if address is not None and workers > 1:
         raise ConfigError("workers and scheduler are both set; name one of them")
-    if config.scheduler is not None:
+    if address is not None:
         from bushseg.cluster import connected
 
-        with connected(config.scheduler, insecure=config.insecure_scheduler) as scheduler:
+        with connected(address, insecure=insecure) as scheduler:
             yield scheduler
+    elif workers > 1:
+        with WorkerPool(workers) as pool:
+            yield pool
     else:
-        yield WorkerPool(config.workers) if config.workers > 1 else None
+        yield None
 
 
 def run_twice(
     scheduler: Scheduler, name: str, jobs: Mapping[int, Mapping[str, Any]]
-) -> Iterator[tuple[int, str | None]]:
+) -> Iterator[tuple[int, Outcome]]:
     """Have each job done; one whose process dies is done once more, alone, when the others are.
 
     Alone: it may have been the others that left it no memory.
@@ -42,21 +58,27 @@ def run_twice(
         jobs: A job's number and its arguments.
 
     Yields:
-        Numbers as they end, and None, or how the process ended the second time.
+        Numbers as they end, and what became of them at last.
 
     Raises:
-        WorkerError: A job was refused, or nobody does them.
+        WorkerError: Nobody does them.
     """
     again = []
     for number, outcome in scheduler.run(name, jobs):
-        if outcome.error is not None:
-            raise WorkerError(outcome.error)
-        if outcome.death is not None:
-            again.append(number)
+        if outcome.death is None:
+            yield number, outcome
         else:
-            yield number, None
+            again.append(number)
     for number in sorted(again):
-        for _, outcome in scheduler.run(name, {number: jobs[number]}):
-            if outcome.error is not None:
-                raise WorkerError(outcome.error)
-            yield number, outcome.death
+        scheduler.end_idle()
+        yield from scheduler.run(name, {number: jobs[number]})
+
+
+def wait_until_seen(path: Path) -> None:
+    """Wait for a file that another process has just written to be seen here, but not for ever.
+
+    Network file systems remember for a while what isn't there.
+    """
+    deadline = time.monotonic() + _SHARED_FOLDER_DELAY
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.5)

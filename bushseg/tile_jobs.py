@@ -71,6 +71,20 @@ def _stored(folder: str, _stamp: int) -> tuple[VoxelScan, Tiling]:
 @lru_cache(maxsize=1)
 def _model(path: str, digest: str) -> Model:
     """A model, checked to be the one that is meant."""
+    check_model_file(path, digest)
+    return load_model(path)
+
+
+def check_model_file(path: str, digest: str) -> None:
+    """Make sure that a model's file is the one that a job means.
+
+    Args:
+        path: The file.
+        digest: Its SHA-256.
+
+    Raises:
+        CheckpointError: It can't be read, or is another.
+    """
     try:
         found = file_hash(Path(path))
     except OSError as error:
@@ -80,4 +94,3 @@ def _model(path: str, digest: str) -> Model:
             f"{path}: has SHA-256 {found[:12]}..., the job means {digest[:12]}...; the file was "
             "changed meanwhile: start the command again"
         )
-    return load_model(path)

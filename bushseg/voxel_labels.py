@@ -1,6 +1,5 @@
 """Labels of all voxels of a scan, tile by tile; what an earlier run did is not done again."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,16 +17,13 @@ from bushseg.labeler import check_features, label_tile
 from bushseg.memory import give_back
 from bushseg.progress import Progress
 from bushseg.scan import VoxelScan
-from bushseg.schedulers import run_twice
+from bushseg.schedulers import run_twice, wait_until_seen
 from bushseg.stages import Stages
 from bushseg.stitch import Stitcher
 from bushseg.tile_labels import TileLabels, tile_path
 from bushseg.tiling import Tile, Tiling
 
 _MODEL = "model.safetensors"
-_SHARED_FOLDER_DELAY = 60.0
-"""Seconds after which a file that another machine wrote is seen here, as network file systems that
-remember for a while what isn't there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,16 +132,19 @@ class _Labelling:
             "folder": str(self.place.absolute()),
             "model_path": str(path.absolute()),
             "model_hash": file_hash(path),
-            "settings": self.config.model_dump(mode="json", include={"precision"}),
+            "settings": self.config.model_dump(mode="json", include={"precision", "max_memory"}),
         }
         jobs = {number: shared | {"number": number} for number in missing}
         deaths: dict[int, str] = {}
         with self.stages.timed("workers"):
-            for number, death in run_twice(scheduler, LABEL_TILE, jobs):
-                if death is None:
-                    yield number, self._load(number)
+            for number, outcome in run_twice(scheduler, LABEL_TILE, jobs):
+                if outcome.error is not None:
+                    raise WorkerError(outcome.error)
+                if outcome.death is not None:
+                    deaths[number] = outcome.death
                 else:
-                    deaths[number] = death
+                    wait_until_seen(tile_path(self.place, number))
+                    yield number, self._read(number)
         if deaths:
             raise WorkerError(_obituary(self.scan, self.tiling, deaths))
 
@@ -157,13 +156,6 @@ class _Labelling:
             return self._read(number)
         except CacheError:  # damaged: it is done again
             return None
-
-    def _load(self, number: int) -> TileLabels:
-        """A tile's labels, which another process has just written."""
-        deadline = time.monotonic() + _SHARED_FOLDER_DELAY
-        while not tile_path(self.place, number).exists() and time.monotonic() < deadline:
-            time.sleep(0.5)
-        return self._read(number)
 
     def _read(self, number: int) -> TileLabels:
         scheme = self.model.card.scheme

@@ -1,7 +1,7 @@
-"""A worker process: `python -m bushseg.worker CORES`.
+"""A worker process: `python -m bushseg.worker`.
 
-Reads a job a line, [name, arguments] as JSON, and answers each in a line: null, or why it was
-refused. It says "ready" first, and ends when nobody can give it jobs any more.
+Reads a job a line, [name, arguments, cores] as JSON, and answers each in a line: null, or why it
+was refused. It says "ready" first, and ends when nobody can give it jobs any more.
 """
 
 import json
@@ -27,13 +27,13 @@ def main() -> None:
     from bushseg.jobs import run_job
     from bushseg.parallel import use_cores
 
-    cores = int(sys.argv[1])
-    use_cores(cores)
-    torch.set_num_threads(cores)
     answer: str | None = READY
     while True:
         os.write(answers, json.dumps(answer).encode() + b"\n")
-        answer = run_job(*jobs.get())
+        name, arguments, cores = jobs.get()
+        use_cores(cores)
+        torch.set_num_threads(cores)
+        answer = run_job(name, arguments)
 
 
 def _listen(jobs: "queue.SimpleQueue[Any]") -> None:

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from bushseg.errors import WorkerError
 from bushseg.jobs import Outcome
@@ -30,14 +30,25 @@ Job = tuple[int, Mapping[str, Any]]
 
 
 class WorkerPool:
-    """A :class:`bushseg.jobs.Scheduler` that starts processes, and ends them with each run.
+    """A :class:`bushseg.jobs.Scheduler` that starts processes, and keeps them from run to run.
+
+    Those that a run finds at work when it is left are killed; those that idle go on to the next
+    run, until the pool is closed, as it is where a `with` block ends.
 
     Args:
         size: How many work at once.
     """
 
     def __init__(self, size: int) -> None:
-        self._size = size
+        self.size = size
+        self._idle: list[Process] = []
+        self._crew: _Crew | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end_idle()
 
     def check(self, folder: Path) -> None:
         """Nothing to check: the processes run where this one runs."""
@@ -46,21 +57,30 @@ class WorkerPool:
         self, name: str, jobs: Mapping[int, Mapping[str, Any]]
     ) -> Iterator[tuple[int, Outcome]]:
         """As :meth:`bushseg.jobs.Scheduler.run`."""
-        size = min(self._size, len(jobs))
-        crew = _Crew(name, deque(jobs.items()), max(1, num_workers() // max(1, size)))
-        threads: list[threading.Thread] = []
+        size = min(self.size, len(jobs))
+        cores = max(1, num_workers() // max(1, size))
+        crew = self._crew = _Crew(name, deque(jobs.items()), cores, self._idle)
         try:
-            for _ in range(size):
-                thread = threading.Thread(target=crew.serve, daemon=True)
-                thread.start()
-                threads.append(thread)
-            for _ in range(len(jobs)):
+            crew.begin(size)
+            while crew.num_expected:
                 result = crew.results.get()
                 if isinstance(result, BaseException):
                     raise result
+                crew.num_expected -= 1
                 yield result
+            crew.join()
         finally:
-            crew.end(threads)
+            crew.end()
+
+    def stop(self) -> None:
+        """As :meth:`bushseg.jobs.Scheduler.stop`."""
+        if self._crew is not None:
+            self._crew.drop()
+
+    def end_idle(self) -> None:
+        """As :meth:`bushseg.jobs.Scheduler.end_idle`."""
+        while self._idle:
+            _end(self._idle.pop())
 
 
 class _Crew:
@@ -70,52 +90,78 @@ class _Crew:
         name: Which job they do.
         jobs: What there is to do; threads take from it.
         cores: How many cores each process has.
+        idle: Processes to begin with, and where those go that have nothing more to do.
     """
 
-    def __init__(self, name: str, jobs: deque[Job], cores: int) -> None:
+    def __init__(self, name: str, jobs: deque[Job], cores: int, idle: list[Process]) -> None:
         self.results: queue.SimpleQueue[tuple[int, Outcome] | BaseException] = queue.SimpleQueue()
-        self._name, self._jobs, self._cores = name, jobs, cores
+        self.num_expected = len(jobs)
+        self._name, self._jobs, self._cores, self._idle = name, jobs, cores, idle
         self._lock, self._ended = threading.Lock(), False
-        self._processes: list[Process] = []
+        self._threads: list[threading.Thread] = []
+        self._at_work: set[Process] = set()
 
-    def serve(self) -> None:
+    def begin(self, size: int) -> None:
+        """Start threads, each of which keeps one process at work."""
+        for _ in range(size):
+            thread = threading.Thread(target=self._serve, daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def drop(self) -> None:
+        """Give out no more jobs."""
+        with suppress(IndexError):
+            while True:
+                self._jobs.pop()
+                self.num_expected -= 1
+
+    def join(self) -> None:
+        """Wait until all processes idle; those that are only just starting are waited for."""
+        for thread in self._threads:
+            thread.join()
+
+    def end(self) -> None:
+        """Kill the processes that are still at work."""
+        with self._lock:
+            self._ended = True
+            self._jobs.clear()
+            for process in self._at_work:
+                process.kill()
+        self.join()
+        for process in self._at_work:
+            _end(process)
+
+    def _serve(self) -> None:
         """Keep one process at work; a new one takes the place of one that died."""
         process: Process | None = None
         try:
             while self._jobs:
-                if process is None:
-                    process = self._start()
+                process = process or self._take()
                 with suppress(IndexError):  # another thread took the last one
                     number, arguments = self._jobs.popleft()
-                    outcome = _ask(process, self._name, arguments)
-                    self.results.put((number, outcome))
+                    outcome = _ask(process, self._name, arguments, self._cores)
                     if outcome.death is not None:
+                        self._leave(process, is_alive=False)
                         process = None
+                    self.results.put((number, outcome))
+            if process is not None:
+                self._leave(process, is_alive=True)
         except BaseException as error:
             self.results.put(error)
 
-    def end(self, threads: list[threading.Thread]) -> None:
-        """Kill all processes."""
-        with self._lock:
-            self._ended = True
-            self._jobs.clear()
-            for process in self._processes:
-                process.kill()
-        for thread in threads:
-            thread.join()
-        for process in self._processes:
-            process.wait()
-            for pipe in (process.stdin, process.stdout):
-                if pipe is not None:
-                    with suppress(OSError):
-                        pipe.close()
-
-    def _start(self) -> Process:
+    def _take(self) -> Process:
+        """A process that idles, or a new one."""
         with self._lock:
             if self._ended:
                 raise WorkerError("the work was given up")
-            process = _start(self._cores)
-            self._processes.append(process)
+            while self._idle:
+                process = self._idle.pop()
+                if process.poll() is None:
+                    self._at_work.add(process)
+                    return process
+                _end(process)
+            process = _start()
+            self._at_work.add(process)
         if (answer := _answer(process)) != READY:
             raise WorkerError(
                 f"a worker process can't start ({_death(process)}; it said {answer!r}); see what "
@@ -123,14 +169,25 @@ class _Crew:
             )
         return process
 
+    def _leave(self, process: Process, *, is_alive: bool) -> None:
+        """Have no more to do with a process; one that may have been killed is left to `end`."""
+        with self._lock:
+            if self._ended:
+                return
+            self._at_work.remove(process)
+            if is_alive:
+                self._idle.append(process)
+        if not is_alive:
+            _end(process)
 
-def _start(cores: int) -> Process:
+
+def _start() -> Process:
     """A process that can import what this one can."""
     path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), *sys.path]))
     try:
         return subprocess.Popen(
             # -P: what happens to lie in the current folder isn't imported.
-            [sys.executable, "-P", "-m", _PROGRAM, str(cores)],
+            [sys.executable, "-P", "-m", _PROGRAM],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | {"PYTHONPATH": path},
@@ -142,11 +199,11 @@ def _start(cores: int) -> Process:
         ) from error
 
 
-def _ask(process: Process, name: str, arguments: Mapping[str, Any]) -> Outcome:
-    """Have a job done."""
+def _ask(process: Process, name: str, arguments: Mapping[str, Any], cores: int) -> Outcome:
+    """Have a job done, on so many cores."""
     assert process.stdin is not None
     with suppress(OSError):  # it died: that nothing comes back tells
-        process.stdin.write(json.dumps([name, arguments]).encode() + b"\n")
+        process.stdin.write(json.dumps([name, arguments, cores]).encode() + b"\n")
         process.stdin.flush()
     answer = _answer(process)
     if answer is None or isinstance(answer, str):
@@ -162,6 +219,16 @@ def _answer(process: Process) -> Any:
         return json.loads(stdout.readline(_LONGEST_LINE) or b"false")
     except ValueError:
         return False
+
+
+def _end(process: Process) -> None:
+    """Kill a process, and leave nothing of it."""
+    process.kill()  # nothing happens to one that has ended
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
 
 
 def _death(process: Process) -> str:

@@ -72,14 +72,18 @@ def predict(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(help="Processes that label tiles at once.  [default: 1, on all cores]"),
+        typer.Option(
+            help="Processes that label tiles, or a folder's scans, at once.  [default: 1, on all "
+            "cores]"
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Have a Dask cluster label the tiles: tcp://127.0.0.1:8786, tls://host:port. Its "
-            "workers must share the folder of --scratch. Needs the extra [cluster].",
+            help="Have a Dask cluster do so: tcp://127.0.0.1:8786, tls://host:port. Its workers "
+            "must share the folder of --scratch; of many scans, theirs and the outputs'. Needs the "
+            "extra [cluster].",
         ),
     ] = None,
     insecure_scheduler: Annotated[
@@ -114,6 +118,8 @@ def predict(
         bushseg predict site.laz -o labeled.laz --asprs bush=4 --overwrite
 
         bushseg predict county.laz -o labeled.laz --max-memory 2GB --scratch /big/disk
+
+        bushseg predict scans/ -o labeled/ --workers 4
 
         bushseg predict county.laz -o labeled.laz --scheduler tls://head:8786 --scratch /shared
     """

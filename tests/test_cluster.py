@@ -15,6 +15,7 @@ from bushseg.cluster import check_address, connected
 from bushseg.cluster_jobs import look
 from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WorkerError
+from bushseg.folder_prediction import predict_folder
 from bushseg.prediction import predict_file
 
 distributed = pytest.importorskip("distributed")
@@ -24,24 +25,33 @@ distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
 SETTINGS = {"tile_points": 1000, "halo": 16}
 
-# A tile kills its worker as long as a file "deadly-NUMBER" says so, two folders above the scan's.
+# A tile kills its worker as long as a file "deadly-NUMBER" says so, two folders above the scan's; a
+# scan does if "deadly-NAME" stands beside the folder of outputs.
 PRELOAD = """
 import os, signal
 from pathlib import Path
-import bushseg.jobs
+from bushseg import scan_jobs, tile_jobs
 
-label_tile = bushseg.jobs.JOBS["label tile"]
+label_tile = tile_jobs.label_tile_job
+label_scan = scan_jobs.label_scan_job
+
+def attempt(root, name):
+    with open(root / f"tries-{name}", "a") as file:
+        file.write("x")
+    if (root / f"deadly-{name}").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
 
 def work(folder, number, **arguments):
-    root = Path(folder).parents[1]
-    with open(root / f"tries-{number}", "a") as file:
-        file.write("x")
-    if (root / f"deadly-{number}").exists():
-        os.kill(os.getpid(), signal.SIGKILL)
+    attempt(Path(folder).parents[1], number)
     label_tile(folder=folder, number=number, **arguments)
 
+def work_on_scan(output, **arguments):
+    attempt(Path(output).parents[1], Path(output).name)
+    label_scan(output=output, **arguments)
+
 def dask_setup(worker):
-    bushseg.jobs.JOBS["label tile"] = work
+    tile_jobs.label_tile_job = work
+    scan_jobs.label_scan_job = work_on_scan
 """
 
 
@@ -124,6 +134,31 @@ def test_a_tile_that_kills_its_worker_is_named_after_two_tries(
     predict_file(scans / "south.las", output, path, PredictConfig(**SETTINGS))
     assert output.read_bytes() == alone
     assert (tmp_path / "tries-1").read_text() == "xx"
+
+
+def test_whole_scans_on_a_cluster(local, run, scans, tmp_path):
+    (tmp_path / "deadly-north.las").touch()
+    alone = predict_folder(scans, tmp_path / "alone", run, verify=True)
+    config = PredictConfig(scheduler=local)
+    result = predict_folder(scans, tmp_path / "out", run, config, verify=True)
+    by_name = {scan.input.name: scan for scan in result.scans}
+    assert by_name["north.las"].error == (
+        f"{scans / 'north.las'}: its worker was lost twice (its Dask worker was lost); make memory "
+        "free, then start the same command again"
+    )
+    tries = {path.name: path.read_text() for path in tmp_path.glob("tries-*")}
+    assert tries == {"tries-middle.las": "x", "tries-north.las": "xx", "tries-south.las": "x"}
+    for number, name in ((0, "middle.las"), (2, "south.las")):
+        assert by_name[name].result.class_counts == alone.scans[number].result.class_counts
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    (tmp_path / "deadly-north.las").unlink()
+    # One scan is left, fewer than there are workers: they label its tiles.
+    result = predict_folder(scans, tmp_path / "out", run, config)
+    assert (result.count("done"), result.count("skipped")) == (1, 2)
+    name = "north.las"
+    assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    assert (tmp_path / "tries-north.las").read_text() == "xx"
+    assert sorted(path.name for path in (tmp_path / "out").glob(".*")) == [".bushseg.json"]
 
 
 def test_a_folder_that_the_workers_do_not_see(local, tmp_path):

@@ -20,7 +20,7 @@ def is_done(folder: Path, work: str = "w") -> bool:
 
 def test_done_is_what_was_finished_and_still_is_the_same(tmp_path: Path, output: Path) -> None:
     journal = Journal(tmp_path)
-    journal.begin("a/x.las", "w")
+    journal.begin({"a/x.las": "w"})
     assert not is_done(tmp_path)
     output.write_text("labels")
     journal.finish("a/x.las", "w")
@@ -33,7 +33,7 @@ def test_done_is_what_was_finished_and_still_is_the_same(tmp_path: Path, output:
 
 
 def test_killed_between_the_output_and_the_note(tmp_path: Path, output: Path) -> None:
-    Journal(tmp_path).begin("a/x.las", "w")
+    Journal(tmp_path).begin({"a/x.las": "w"})
     output.write_text("labels")
     assert is_done(tmp_path)
     assert not is_done(tmp_path, "other model")
@@ -41,7 +41,7 @@ def test_killed_between_the_output_and_the_note(tmp_path: Path, output: Path) ->
 
 def test_killed_before_an_old_output_was_replaced(tmp_path: Path, output: Path) -> None:
     output.write_text("old")
-    Journal(tmp_path).begin("a/x.las", "w")
+    Journal(tmp_path).begin({"a/x.las": "w"})
     assert not is_done(tmp_path)
     output.write_text("new ones")
     assert is_done(tmp_path)

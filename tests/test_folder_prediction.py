@@ -8,12 +8,12 @@ import laspy
 import numpy as np
 import pytest
 
-from bushseg import folder_prediction
+from bushseg import folder_labelling, folder_prediction
 from bushseg.config import PredictConfig
 from bushseg.errors import CheckpointError, SchemeError, WriteError
 from bushseg.folder_prediction import LOCK, predict_folder
 from bushseg.locks import locked
-from bushseg.prediction import predict_file
+from bushseg.prediction import label_file, predict_file
 
 
 @pytest.fixture
@@ -50,9 +50,9 @@ def test_a_folder_with_a_broken_scan(some, run, scans, tmp_path, monkeypatch):
     shutil.copy(scans / "middle.las", some / "broken.las")
     called = []
     monkeypatch.setattr(
-        folder_prediction,
-        "predict_file",
-        lambda scan, *rest, **more: called.append(scan.name) or predict_file(scan, *rest, **more),
+        folder_labelling,
+        "label_file",
+        lambda scan, *rest, **more: called.append(scan.name) or label_file(scan, *rest, **more),
     )
     before = (output / "north.las").stat().st_mtime_ns
     result = predict_folder([some], output, run)
@@ -104,13 +104,13 @@ def test_the_outputs_are_verified(some, model, tmp_path, monkeypatch):
     assert statuses(result) == {"north.las": "done"}
 
     def spoil(scan, written, *rest, **more):
-        done = predict_file(scan, written, *rest, **more)
+        done = label_file(scan, written, *rest, **more)
         raw = bytearray(written.read_bytes())
         raw[-100] ^= 1
         written.write_bytes(raw)
         return done
 
-    monkeypatch.setattr(folder_prediction, "predict_file", spoil)
+    monkeypatch.setattr(folder_labelling, "label_file", spoil)
     result = predict_folder([some / "north.las"], tmp_path / "two", model, verify=True)
     assert "differs from" in result.scans[0].error
     monkeypatch.undo()
@@ -125,7 +125,7 @@ def test_a_full_disk_ends_it(some, model, tmp_path, monkeypatch):
         except OSError as error:
             raise WriteError("out.las: No space left on device") from error
 
-    monkeypatch.setattr(folder_prediction, "predict_file", full)
+    monkeypatch.setattr(folder_labelling, "label_file", full)
     result = predict_folder(some, tmp_path / "out", model)
     assert [scan.status for scan in result.scans] == ["failed", "left", "left"]
     assert not result.complete

@@ -15,31 +15,33 @@ SETTINGS = {"tile_points": 1000, "halo": 16}
 PROGRAM = """
 import os, signal
 from pathlib import Path
-import bushseg.jobs
+from bushseg import tile_jobs
 
-label_tile = bushseg.jobs.JOBS["label tile"]
+label_tile = tile_jobs.label_tile_job
 
 def work(number, **arguments):
     if number == 1 and Path(__file__).with_name("deadly").exists():
         os.kill(os.getpid(), signal.SIGKILL)
     label_tile(number=number, **arguments)
 
-bushseg.jobs.JOBS["label tile"] = work
+tile_jobs.label_tile_job = work
 from bushseg.worker import main
 main()
 """
 
 
 def test_who_does_the_jobs():
-    with opened(PredictConfig()) as scheduler:
+    with opened() as scheduler:
         assert scheduler is None
-    with opened(PredictConfig(workers=2)) as scheduler:
+    with opened(2) as scheduler:
         assert isinstance(scheduler, WorkerPool)
 
 
 def test_workers_and_a_scheduler_exclude_each_other():
-    config = PredictConfig(workers=2, scheduler="tcp://127.0.0.1:8786")
-    with pytest.raises(ConfigError, match="workers and scheduler are both set"), opened(config):
+    with (
+        pytest.raises(ConfigError, match="workers and scheduler are both set"),
+        opened(2, "tcp://127.0.0.1:8786"),
+    ):
         pass
 
 

@@ -208,7 +208,7 @@ class PredictConfig(Section):
         1,
         ge=1,
         le=1024,
-        description="Processes that label tiles, or a folder's scans, each on its share of the cores",
+        description="Processes that label tiles or a folder's scans, each on its cores' share",
     )
     scheduler: str | None = Field(
         None, description="Dask scheduler whose workers do so: tcp://... or tls://..."

@@ -139,6 +139,48 @@ def test_a_folder_killed_goes_on_with_the_scan_it_was_at(start_command, scan, ru
     assert sorted(path.name for path in killed.iterdir()) == [".bushseg.json", "a.las", "b.las"]
 
 
+def test_a_folder_killed_while_others_label_its_scans(start_command, scan, run, tmp_path):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    for number in range(4):
+        (scans / f"{number}.las").write_bytes(scan.read_bytes())
+    common = ("predict", scans, "-m", run, "--tile-points", 1000, "--halo", 16, "-o")
+    killed = tmp_path / "killed"
+    command = start_command(*common, killed, "--workers", 2)
+    command.wait_for(killed, "*.las")
+    command.kill()
+    assert command.wait() == -9
+    stood = {path.name: path.stat().st_mtime_ns for path in killed.glob("*.las")}
+    # The processes it had end with it: their locks are free at once, or soon.
+    for lock in killed.glob(LOCK):
+        deadline = time.monotonic() + 30
+        while lock.exists() and time.monotonic() < deadline and not is_free(lock):
+            time.sleep(0.05)
+    command = start_command(*common, killed, "--workers", 2)
+    assert command.wait() == 0, command.said.read_text()
+    stood_before = f"{len(stood)} done before"
+    assert stood_before in command.said.read_text()
+    now = {path.name: path.stat().st_mtime_ns for path in killed.glob("*.las")}
+    assert {name: now[name] for name in stood} == stood
+    assert len({(killed / name).read_bytes() for name in now}) == 1
+    assert sorted(path.name for path in killed.iterdir()) == [".bushseg.json", *sorted(now)]
+    assert len(now) == 4
+
+
+def is_free(lock: Path) -> bool:
+    """Whether nobody holds a lock."""
+    import fcntl
+
+    try:
+        with lock.open() as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    return True
+
+
 def test_ctrl_c_says_that_the_same_command_goes_on(start_command, scan, run, tmp_path):
     common = ("predict", scan, "-m", run, "--tile-points", 1000, "--halo", 16, "-q", "-o")
     output = tmp_path / "out" / "out.las"

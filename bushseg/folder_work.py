@@ -17,6 +17,7 @@ from bushseg.folder_plan import Planned
 from bushseg.model_choice import Candidate
 from bushseg.prediction import PredictResult
 from bushseg.progress import Progress
+from bushseg.workspace import remove_finished
 
 Status = Literal["done", "skipped", "failed", "left"]
 
@@ -76,6 +77,7 @@ class FolderWork:
         """
         work = fingerprint({**self.common, **_identity(it.scan)})
         if self.journal.is_done(it.name, work):
+            remove_finished(it.output, self.config.scratch)
             return None
         if it.output.exists() and not self.overwrite:
             raise WriteError(

@@ -147,10 +147,10 @@ def test_a_folder_killed_while_others_label_its_scans(start_command, scan, run, 
     common = ("predict", scans, "-m", run, "--tile-points", 1000, "--halo", 16, "-o")
     killed = tmp_path / "killed"
     command = start_command(*common, killed, "--workers", 2)
-    command.wait_for(killed, "*.las")
+    command.wait_for(killed, "[!.]*.las")
     command.kill()
     assert command.wait() == -9
-    stood = {path.name: path.stat().st_mtime_ns for path in killed.glob("*.las")}
+    stood = {path.name: path.stat().st_mtime_ns for path in killed.glob("[!.]*.las")}
     # The processes it had end with it: their locks are free at once, or soon.
     for lock in killed.glob(LOCK):
         deadline = time.monotonic() + 30
@@ -160,7 +160,7 @@ def test_a_folder_killed_while_others_label_its_scans(start_command, scan, run, 
     assert command.wait() == 0, command.said.read_text()
     stood_before = f"{len(stood)} done before"
     assert stood_before in command.said.read_text()
-    now = {path.name: path.stat().st_mtime_ns for path in killed.glob("*.las")}
+    now = {path.name: path.stat().st_mtime_ns for path in killed.glob("[!.]*.las")}
     assert {name: now[name] for name in stood} == stood
     assert len({(killed / name).read_bytes() for name in now}) == 1
     assert sorted(path.name for path in killed.iterdir()) == [".bushseg.json", *sorted(now)]

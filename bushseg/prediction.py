@@ -38,7 +38,7 @@ from bushseg.room import check_room
 from bushseg.scan import VoxelScan, mask_no_returns, read_voxels
 from bushseg.schedulers import opened
 from bushseg.stages import Stages
-from bushseg.stored_scan import open_stored, store_scan
+from bushseg.stored_scan import MANIFEST, open_stored, store_scan
 from bushseg.subsample import MAX_VOXELS
 from bushseg.tiling import Tiling
 from bushseg.voxel_labels import label_voxels
@@ -294,6 +294,7 @@ def _voxels(
     """
     with suppress(CacheError):
         return open_stored(place)
+    (place / MANIFEST).unlink(missing_ok=True)  # what it says isn't true of new arrays
     scan = read_voxels(
         kept,
         model.card.prepare.voxel_size,

@@ -109,6 +109,17 @@ def test_what_is_damaged_is_done_again(name, damage, label, undisturbed, tmp_pat
     assert left(tmp_path) == ["out.las"]
 
 
+def test_a_damaged_scan_is_forgotten_before_it_is_read_again(label, tmp_path, monkeypatch):
+    """Broken off then, its new arrays are as long as the old ones, but not full."""
+    label(300, stop_at=1)
+    (path,) = tmp_path.rglob("cubes")
+    path.unlink()
+    monkeypatch.setattr(prediction, "read_voxels", None)
+    with pytest.raises(TypeError):
+        label(300)
+    assert not list(tmp_path.rglob(MANIFEST))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -1,20 +1,24 @@
-"""How time and memory of `predict` grow with the scan.
+"""How time and memory of `predict`, or of `prepare`, grow with the scan.
 
     python benchmarks/scaling.py [--points 100000,1000000,10000000] [--voxel-size 0.1] [--repeats 3]
-        [--model close] [--max-memory 2GB]
+        [--model close] [--max-memory 2GB] [--prepare]
 
 A simulated site is laid side by side until it has so many points, and labelled by a model of
 random weights (time does not depend on them) or the one named, each run in a process of its own.
 Prints the medians, and the exponent of time against points from the first size to the last. With
---max-memory, predict is told so and the system refuses the process more memory of its own than that
-(RLIMIT_DATA): one that took more would fail.
+--prepare it is prepared for training instead. With --max-memory, the command is told so and the
+system refuses the process more memory of its own than that (RLIMIT_DATA): one that took more would
+fail.
 """
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import tempfile
+import time
+from functools import partial
 from pathlib import Path
 
 import laspy
@@ -43,19 +47,50 @@ def site_copies(site: Path, output: Path, num_points: int) -> None:
             left, number = left - len(points), number + 1
 
 
-def label(scan: Path, model: Path | str, max_memory: str | None = None) -> dict[str, float]:
+def label(scan: Path, *, model: Path | str, max_memory: str | None = None) -> dict[str, float]:
     """`bushseg predict` in a process of its own: its result."""
-    program = str(Path(sys.executable).with_name("bushseg"))
     with tempfile.TemporaryDirectory() as folder:
-        options = ["-o", str(Path(folder, "labelled.las")), "--model", str(model), "--json"]
-        command = [program, "predict", str(scan), *options]
-        if max_memory is not None:
-            command += ["--max-memory", max_memory]
-            limit = ["prlimit", f"--data={parse_size(max_memory)}"]
-            command = [*limit, *command]
-        run = subprocess.run(command, capture_output=True, text=True, check=True)
-    result: dict[str, float] = json.loads(run.stdout)
-    return result
+        output = str(Path(folder, "labelled.las"))
+        return run(["predict", str(scan), "-o", output, "--model", str(model)], max_memory)
+
+
+def prepare(scan: Path, *, voxel_size: float, max_memory: str | None = None) -> dict[str, float]:
+    """`bushseg prepare` in a process of its own: its result, and the most memory it had."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["prepare", str(scan), "-o", folder, "--voxel-size", str(voxel_size)]
+        return run(command, max_memory)
+
+
+def run(arguments: list[str], max_memory: str | None) -> dict[str, float]:
+    """A `bushseg` command in a process of its own: its result, and the most memory it had."""
+    command = [str(Path(sys.executable).with_name("bushseg")), *arguments, "--json"]
+    if max_memory is not None:
+        limit = ["prlimit", f"--data={parse_size(max_memory)}"]
+        command = [*limit, *command, "--max-memory", max_memory]
+    with tempfile.TemporaryFile("w+") as output:
+        peak = 0
+        with subprocess.Popen(command, stdout=output) as process:
+            while process.poll() is None:
+                peak = max(peak, high_water(process.pid))
+                time.sleep(0.02)
+        if process.returncode:
+            raise SystemExit(f"{' '.join(command)} failed")
+        output.seek(0)
+        result: dict[str, float] = json.load(output)
+    return result | {"peak_memory": peak}
+
+
+def high_water(number: int) -> int:
+    """The most memory that a process has had so far, bytes.
+
+    What the process itself is told (getrusage) is at least what this one had when it started it.
+    """
+    try:
+        status = Path(f"/proc/{number}/status").read_text()
+    except OSError:  # it has just ended
+        return 0
+    found = re.search(r"VmHWM:\s*(\d+) kB", status)
+    return 1024 * int(found[1]) if found else 0
 
 
 def main() -> None:
@@ -68,27 +103,33 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--model", help="instead of one of random weights")
     parser.add_argument("--max-memory", help="memory to keep within, such as 2GB")
+    parser.add_argument("--prepare", action="store_true", help="prepare instead of labelling")
     options = parser.parse_args()
     sizes = [int(size) for size in options.points.split(",")]
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         simulate(root / "site", SimulateConfig(seed=1))
         site = next((root / "site").glob("*.la?"))
-        model = options.model or model_at(options.voxel_size, root, None)
+        measured = partial(prepare, voxel_size=options.voxel_size)
+        if not options.prepare:
+            model = options.model or model_at(options.voxel_size, root, None)
+            measured = partial(label, model=model)
         scans = []
         for size in sizes:
             scans.append(root / f"{size}.las")
             site_copies(site, scans[-1], size)
-        label(scans[0], model)  # loads what the first run of an installation compiles
-        print("| points | voxels | passes | s | points/s | peak GB |")
+        measured(scans[0])  # loads what the first run of an installation compiles
+        work = "crops" if options.prepare else "passes"
+        print(f"| points | voxels | {work} | s | points/s | peak GB |")
         print("|---:|---:|---:|---:|---:|---:|")
         seconds = []
         for size, scan in zip(sizes, scans, strict=True):
-            runs = [label(scan, model, options.max_memory) for _ in range(options.repeats)]
+            runs = [measured(scan, max_memory=options.max_memory) for _ in range(options.repeats)]
             seconds.append(float(np.median([run["seconds"] for run in runs])))
+            done = f"{runs[0]['num_crops']:,}" if options.prepare else f"{runs[0]['passes']:.2f}"
             peak = max(run["peak_memory"] for run in runs)
             print(
-                f"| {size:,} | {runs[0]['num_voxels']:,} | {runs[0]['passes']:.2f} "
+                f"| {size:,} | {runs[0]['num_voxels']:,} | {done} "
                 f"| {seconds[-1]:.2f} | {size / seconds[-1]:,.0f} | {peak / 1e9:.2f} |",
                 flush=True,
             )

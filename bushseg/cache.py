@@ -50,6 +50,17 @@ def identity(path: Path) -> dict[str, Any]:
     }
 
 
+def output_identity(path: Path) -> dict[str, Any]:
+    """What tells an output from another: not its place, so that folders may be moved.
+
+    Raises:
+        OSError: There is none.
+    """
+    found = identity(path)
+    del found["path"]
+    return found
+
+
 def fingerprint(values: Mapping[str, Any]) -> str:
     """A short hash of anything JSON can hold, the format version included."""
     text = json.dumps({"version": FORMAT_VERSION, **values}, sort_keys=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from bushseg.cache import FORMAT_VERSION, identity, read_json, write_json
+from bushseg.cache import FORMAT_VERSION, output_identity, read_json, write_json
 from bushseg.errors import CacheError
 
 JOURNAL = ".bushseg.json"
@@ -83,7 +83,8 @@ class Journal:
         Args:
             name: The output.
             work: The hash of all it follows from.
-            file: What :func:`output_identity` said of it to the process that made it; None asks.
+            file: What :func:`bushseg.cache.output_identity` said of it to the process that made it;
+                None asks.
 
         Raises:
             WriteError: The journal can't be written.
@@ -105,14 +106,3 @@ class Journal:
             return output_identity(self._folder / name)
         except OSError:
             return None
-
-
-def output_identity(path: Path) -> dict[str, Any]:
-    """What tells an output from another: not its place, so that folders may be moved.
-
-    Raises:
-        OSError: There is none.
-    """
-    found = identity(path)
-    del found["path"]
-    return found

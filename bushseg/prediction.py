@@ -9,12 +9,13 @@ import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from bushseg import io
 from bushseg.bundled import file_hash
@@ -22,7 +23,7 @@ from bushseg.cache import identity
 from bushseg.checkpoint import Model
 from bushseg.config import PredictConfig
 from bushseg.domain import domain_warnings
-from bushseg.errors import CacheError, DataError
+from bushseg.errors import CacheError, DataError, WriteError
 from bushseg.files import atomic_path, check_output
 from bushseg.io.kept import KeptReader
 from bushseg.io.memory import MemoryReader
@@ -43,7 +44,14 @@ from bushseg.subsample import MAX_VOXELS
 from bushseg.tiling import Tiling
 from bushseg.voxel_labels import label_voxels
 from bushseg.waveforms import plan_waveforms
-from bushseg.workspace import remove_finished, workspace
+from bushseg.workspace import (
+    finished,
+    may_be_finished,
+    note_finished,
+    place_of,
+    remove_finished,
+    workspace,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +93,11 @@ class PredictResult:
     points_per_second: float
     peak_memory: int | None
     warnings: tuple[str, ...]
+
+
+_RESULT = TypeAdapter(PredictResult)
+_OUTPUT = {"keep_classification", "asprs"}
+"""What outputs follow from beside their voxels' labels."""
 
 
 def predict_file(
@@ -138,6 +151,8 @@ def label_file(
 ) -> PredictResult:
     """As :func:`predict_file`, with a scheduler that is open already.
 
+    A run that was killed when its output stood, before it had tidied up, is told of again.
+
     Args:
         scan: As there.
         output: As there.
@@ -158,8 +173,9 @@ def label_file(
         sizes = fit(config.max_memory, config.workers)
         config = config.model_copy(update={"tile_points": sizes.tile_points})
     scan, output = Path(scan), Path(output)
-    remove_finished(output, config.scratch)
-    check_output(output, (scan, *filter(None, [io.label_sidecar(scan)])), overwrite=overwrite)
+    inputs = (scan, *filter(None, [io.label_sidecar(scan)]))
+    may_stand = may_be_finished(output, config.scratch)
+    check_output(output, inputs, overwrite=overwrite or may_stand)
     suffix = io.suffix_of(output)
     io.check_writable(output, suffix)
     begun = time.perf_counter()
@@ -170,18 +186,26 @@ def label_file(
         candidate.card.scheme.to_asprs(np.empty(0, np.int16), config.asprs)
     with io.open_scan(scan) as reader:
         kept = KeptReader(reader)
+        with stages.timed("choose the model"):
+            chosen, reason = choose(known, kept)
+            misfit = None if reason else suited_better(chosen, kept)
+        work = _identity(scan, chosen, config)
+        if may_stand:
+            result = _finished(place_of(output, work, config.scratch), scan, output, config)
+            remove_finished(output, config.scratch)
+            if result is not None:
+                progress.note(f"{output}: was finished by the run before")
+                return result
+            check_output(output, inputs, overwrite=overwrite)
         waves = None
         if suffix in LAS_SUFFIXES:
             waves = plan_waveforms(reader.info, output, overwrite=overwrite)
         needed = least_bytes(reader, suffix) + (waves.num_bytes if waves else 0)
         check_room(output.parent, needed, "the labelled scan", "write it elsewhere")
-        with stages.timed("choose the model"):
-            chosen, reason = choose(known, kept)
-            misfit = None if reason else suited_better(chosen, kept)
         with stages.timed("load the model"):
             network = chosen.load()
         card = chosen.card
-        with workspace(output, _identity(scan, chosen, config), config.scratch) as place:
+        with workspace(output, work, config.scratch) as place:
             if scheduler is not None:
                 scheduler.check(place)
             voxel_scan, tiling = _voxels(
@@ -197,36 +221,59 @@ def label_file(
                 )
                 if waves is not None:  # an output that stands has all it refers to
                     waves.write()
-            warnings = domain_warnings(
-                card,
-                voxel_scan,
-                labels.neighbor_distance,
-                labels.stitcher.mean_confidence(),
-                reader.info.crs,
-            )
+                warnings = domain_warnings(
+                    card,
+                    voxel_scan,
+                    labels.neighbor_distance,
+                    labels.stitcher.mean_confidence(),
+                    reader.info.crs,
+                )
+                seconds = time.perf_counter() - begun
+                num_points = int(counts.sum())
+                result = PredictResult(
+                    input=scan,
+                    output=output,
+                    model=chosen.name,
+                    reason=reason,
+                    num_points=num_points,
+                    class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
+                    num_unlabelled=int(counts[0]),
+                    num_voxels=len(voxel_scan.voxels),
+                    features=tuple(name for name in card.features if name in voxel_scan.features),
+                    passes=labels.num_seen / len(voxel_scan.voxels),
+                    seconds=seconds,
+                    stages=stages.seconds,
+                    points_per_second=num_points / seconds,
+                    peak_memory=peak_memory(),
+                    warnings=(
+                        *filter(None, [misfit]),
+                        *warnings,
+                        *filter(None, [lost, waves.warning if waves else None]),
+                    ),
+                )
+                _note(place, partial, result, config)
     seconds = time.perf_counter() - begun
-    num_points = int(counts.sum())
-    return PredictResult(
-        input=scan,
-        output=output,
-        model=chosen.name,
-        reason=reason,
-        num_points=num_points,
-        class_counts=dict(zip(card.scheme.names, counts[1:].tolist(), strict=True)),
-        num_unlabelled=int(counts[0]),
-        num_voxels=len(voxel_scan.voxels),
-        features=tuple(name for name in card.features if name in voxel_scan.features),
-        passes=labels.num_seen / len(voxel_scan.voxels),
-        seconds=seconds,
-        stages=stages.seconds,
-        points_per_second=num_points / seconds,
-        peak_memory=peak_memory(),
-        warnings=(
-            *filter(None, [misfit]),
-            *warnings,
-            *filter(None, [lost, waves.warning if waves else None]),
-        ),
-    )
+    return replace(result, seconds=seconds, points_per_second=num_points / seconds)
+
+
+def _note(place: Path, partial: Path, result: PredictResult, config: PredictConfig) -> None:
+    """Note what an output is that is about to appear, should this process be killed then."""
+    values = _RESULT.dump_python(result, mode="json")
+    settings = config.model_dump(mode="json", include=_OUTPUT)
+    with suppress(WriteError):  # a disk that has no room for it has room for the output
+        note_finished(place, partial, {"result": values, "settings": settings})
+
+
+def _finished(place: Path, scan: Path, output: Path, config: PredictConfig) -> PredictResult | None:
+    """What a run did that was killed when its output stood; None if that was another work."""
+    note = finished(place, output)
+    settings = config.model_dump(mode="json", include=_OUTPUT)
+    try:
+        if note is None or note["settings"] != settings:
+            return None
+        return replace(_RESULT.validate_python(note["result"]), input=scan, output=output)
+    except (KeyError, TypeError, ValidationError):
+        return None
 
 
 def predict(

@@ -8,11 +8,10 @@ from typing import Any, TypedDict
 from pydantic import TypeAdapter, ValidationError
 
 from bushseg.bundled import file_hash
-from bushseg.cache import FORMAT_VERSION, read_json, write_json
+from bushseg.cache import FORMAT_VERSION, output_identity, read_json, write_json
 from bushseg.checkpoint import Model, read_card, save_model
 from bushseg.config import PredictConfig
 from bushseg.errors import CacheError, ReadError
-from bushseg.folder_journal import output_identity
 from bushseg.memory import give_back
 from bushseg.model_choice import Candidate
 from bushseg.prediction import PredictResult, label_file
@@ -40,7 +39,7 @@ class Note:
 
     Attributes:
         result: What it did.
-        file: What tells the output from another (:func:`bushseg.folder_journal.output_identity`).
+        file: What tells the output from another (:func:`bushseg.cache.output_identity`).
         difference: In what the output differs from its scan; None if in nothing, or if that wasn't
             asked.
     """

@@ -199,6 +199,35 @@ def test_ctrl_c_says_that_the_same_command_goes_on(start_command, scan, run, tmp
     assert [path.name for path in output.parent.iterdir()] == ["out.las"]
 
 
+# Killed as soon as the output stands.
+TIDY = """
+import os, signal
+from bushseg import workspace
+workspace._remove = lambda path: os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_killed_when_the_output_stood_the_same_command_says_so(start_command, scan, run, tmp_path):
+    output = tmp_path / "out" / "out.las"
+    common = ("predict", scan, "-m", run, "-o", output)
+    assert start_command(*common, before=TIDY).wait() == -9
+    assert len(list(output.parent.iterdir())) == 2
+    stood = output.stat().st_mtime_ns
+    command = start_command(*common)
+    assert command.wait() == 0
+    assert f"{output}: was finished by the run before" in command.said.read_text()
+    assert f"{output}: 30,000 points in " in command.said.read_text()
+    assert list(output.parent.iterdir()) == [output]
+    assert output.stat().st_mtime_ns == stood
+    # What stands since another command made it doesn't count as done.
+    output.unlink()
+    assert start_command(*common, before=TIDY).wait() == -9
+    command = start_command(*common, "--keep-classification")
+    assert command.wait() == 1
+    assert "exists already" in command.said.read_text()
+    assert list(output.parent.iterdir()) == [output]
+
+
 def test_two_at_once(start_command, scan, run, tmp_path):
     common = ("predict", scan, "-m", run, "--tile-points", 1000, "-q", "-o", tmp_path / "out.las")
     first = start_command(*common)

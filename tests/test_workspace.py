@@ -1,6 +1,5 @@
 """A folder that stays while there is something to go on with."""
 
-import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -8,7 +7,14 @@ import pytest
 
 from bushseg.errors import WriteError
 from bushseg.locks import locked
-from bushseg.workspace import remove_finished, workspace
+from bushseg.workspace import (
+    finished,
+    may_be_finished,
+    note_finished,
+    place_of,
+    remove_finished,
+    workspace,
+)
 
 
 def test_nothing_is_left_of_a_run_that_ended_well(tmp_path: Path) -> None:
@@ -66,33 +72,55 @@ def test_a_folder_elsewhere_and_long_names(tmp_path: Path) -> None:
 
 
 def leave(output: Path) -> Path:
-    """What a killed run leaves."""
-    with suppress(KeyboardInterrupt), workspace(output, {}) as place:
+    """What a run leaves that is killed when its output is written, before that is moved."""
+    with suppress(KeyboardInterrupt), workspace(output, {"a": 1}) as place:
         place.mkdir()
         (place / "tile").touch()
+        partial = output.with_name("partial")
+        partial.write_text("labels")
+        note_finished(place, partial, {"points": 3})
         raise KeyboardInterrupt
-    return place / "tile"
+    return place
 
 
-def test_a_run_killed_after_its_output_was_done(tmp_path: Path) -> None:
+def test_a_run_killed_when_its_output_stood(tmp_path: Path) -> None:
     output = tmp_path / "out.las"
-    tile = leave(output)
+    assert not may_be_finished(output)
+    place = leave(output)
+    assert place == place_of(output, {"a": 1})
+    assert finished(place, output) is None  # no output: there is something to go on with
     remove_finished(output)
-    assert tile.exists()  # no output: there is something to go on with
-    output.touch()
-    os.utime(tile, ns=(0, output.stat().st_mtime_ns - 1))
-    with locked(tile.parents[1]):
+    assert (place / "tile").exists()
+    (tmp_path / "partial").rename(output)
+    assert may_be_finished(output)
+    assert finished(place, output) == {"points": 3}
+    assert finished(place_of(output, {"a": 2}), output) is None
+    with locked(place.parent):
         remove_finished(output)
-        assert tile.exists()
+        assert (place / "tile").exists()
     remove_finished(output)
     assert list(tmp_path.iterdir()) == [output]
     remove_finished(output)
 
 
-def test_what_is_newer_than_the_output_is_to_replace_it(tmp_path: Path) -> None:
+def test_what_is_to_replace_an_output_stays(tmp_path: Path) -> None:
     output = tmp_path / "out.las"
-    output.touch()
-    tile = leave(output)
-    os.utime(tile, ns=(0, output.stat().st_mtime_ns + 1))
+    output.write_text("older")
+    place = leave(output)
+    assert not may_be_finished(output)
     remove_finished(output)
-    assert tile.exists()
+    assert (place / "tile").exists()
+    with workspace(output, {"a": 1}) as again:
+        assert (again / "tile").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.las", "partial"]
+
+
+def test_a_damaged_note_tells_nothing(tmp_path: Path) -> None:
+    output = tmp_path / "out.las"
+    place = leave(output)
+    (tmp_path / "partial").rename(output)
+    (place.parent / f"{place.name}.json").write_text("{")
+    assert not may_be_finished(output)
+    with workspace(output, {"a": 2}):
+        assert not place.exists()
+    assert list(tmp_path.iterdir()) == [output]

@@ -19,6 +19,9 @@ from bushseg.scratch import Scratch, blocks
 
 _CUBES, _COLUMNS = "cubes", "columns"
 
+_MOST_BLOCKS = 1 << 20
+"""Blocks that are listed in memory, 100 bytes each: 3 square kilometres at voxels of 0.1 m."""
+
 
 @dataclass(frozen=True, slots=True)
 class Tile:
@@ -91,8 +94,9 @@ class Tiling:
 
     def _cut(self, tile_points: int, halo: int) -> None:
         """Choose the tiles."""
-        columns, sizes = self._gather_blocks()
-        self.tiles = [_tile(columns, sizes, part) for part in _split(columns, sizes, tile_points)]
+        columns, sizes, shift = self._gather_blocks()
+        parts = _split(columns, sizes, tile_points)
+        self.tiles = [_tile(columns, sizes, part, shift) for part in parts]
         self.halo_blocks = -(-halo // BLOCK)
 
     @property
@@ -125,16 +129,31 @@ class Tiling:
         _fill_members(self._columns, self._bounds, outer, inner, indices, is_core)
         return indices, is_core
 
-    def _gather_blocks(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The blocks that hold voxels, shape (B, 2), and how many each holds, shape (B,)."""
-        columns, counts = np.empty(0, np.int64), np.empty(0, np.int64)
+    def _gather_blocks(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+        """The blocks that hold voxels, shape (B, 2), how many each holds, shape (B,), and a shift.
+
+        Where they are too many to be listed, four count as one, once or again: the blocks listed
+        have an edge of 2^shift blocks.
+        """
+        columns, counts, shift = np.empty(0, np.int64), np.empty(0, np.int64), 0
         for rows in blocks(len(self._columns)):
-            part = self._columns[rows].astype(np.int64)
+            part = self._columns[rows].astype(np.int64) >> shift
             here = np.diff(self._bounds[rows.start : rows.stop + 1])
             columns = np.concatenate([columns, part[:, 0] << 32 | part[:, 1]])
-            columns, block = np.unique(columns, return_inverse=True)
-            counts = np.bincount(block, np.concatenate([counts, here])).astype(np.int64)
-        return np.column_stack([columns >> 32, columns & 0xFFFFFFFF]), counts
+            columns, counts = _merged(columns, np.concatenate([counts, here]))
+            while len(columns) > _MOST_BLOCKS:
+                shift += 1
+                halves = columns >> 33 << 32 | (columns & 0xFFFFFFFF) >> 1
+                columns, counts = _merged(halves, counts)
+        return np.column_stack([columns >> 32, columns & 0xFFFFFFFF]), counts, shift
+
+
+def _merged(
+    columns: NDArray[np.int64], counts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Each of some blocks once, and the sum of its counts."""
+    columns, block = np.unique(columns, return_inverse=True)
+    return columns, np.bincount(block, counts).astype(np.int64)
 
 
 def _split(
@@ -161,9 +180,12 @@ def _split(
         pending += [members[~below], members[below]]
 
 
-def _tile(columns: NDArray[np.int64], sizes: NDArray[np.int64], members: NDArray[np.int64]) -> Tile:
-    """The tile of some blocks."""
-    low, high = columns[members].min(axis=0), columns[members].max(axis=0) + 1
+def _tile(
+    columns: NDArray[np.int64], sizes: NDArray[np.int64], members: NDArray[np.int64], shift: int
+) -> Tile:
+    """The tile of some blocks, whose edge is 2^shift."""
+    low = columns[members].min(axis=0) << shift
+    high = columns[members].max(axis=0) + 1 << shift
     num_points = int(sizes[members].sum())
     return Tile((int(low[0]), int(low[1])), (int(high[0]), int(high[1])), num_points)
 

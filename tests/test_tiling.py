@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bushseg import tiling as module
 from bushseg.grid import BLOCK, decode_morton, encode_morton
 from bushseg.tiling import Tiling
 
@@ -69,6 +70,22 @@ def test_tiles_of_an_even_field_are_of_about_equal_size() -> None:
     assert sum(sizes) == len(keys)
     assert max(sizes) <= 40_000
     assert min(sizes) >= 20_000
+
+
+@pytest.mark.parametrize("most", [1, 7, 40])
+def test_where_there_are_too_many_blocks_four_count_as_one(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = scattered(5)
+    columns = decode_morton(keys)[:, :2] // BLOCK
+    monkeypatch.setattr(module, "_MOST_BLOCKS", most)
+    shift = next(n for n in range(22) if len(np.unique(columns >> n, axis=0)) <= most)
+    tiling = Tiling(keys, 20, 16)
+    found = np.concatenate([tiling.core(tile) for tile in tiling.tiles])
+    np.testing.assert_array_equal(np.sort(found), np.arange(len(keys)))
+    assert sum(tile.num_points for tile in tiling.tiles) == len(keys)
+    for tile in tiling.tiles:
+        assert all(edge % (1 << shift) == 0 for edge in (*tile.low, *tile.high))
 
 
 def test_a_dense_block_stays_whole() -> None:

@@ -19,6 +19,7 @@ from real import write_plantings, write_real_scans
 from sites import TEST, TRAINING
 
 import bushseg
+from bushseg.checkpoint import read_card
 from bushseg.config import Config
 from bushseg.errors import DataError
 from bushseg.io import find_scans, read
@@ -65,7 +66,7 @@ def main() -> None:
             scans.append(write_plantings(real, options.work / "plantings"))
             prepared = options.work / f"{again}-prepared"  # the first round's stays as it is
         second = train(again, scans, held_out, prepared, first)
-        bundle(options.name, second)
+        bundle(options.name, max(first, second, key=held_out_score))
 
 
 def make_sites(folder: Path, sites: dict[str, SimulateConfig]) -> list[Path]:
@@ -145,6 +146,12 @@ def train(
     bushseg.prepare(scans, prepared, config.prepare)
     bushseg.train(prepared, run, config, resume=(run / LAST).exists(), progress=Lines())
     return run
+
+
+def held_out_score(run: Path) -> float:
+    """Best mean IoU on the held-out sites, that of the model a run keeps."""
+    score = read_card(run / BEST).metrics["val_miou"]
+    return -1.0 if score is None else score
 
 
 class Lines(Silent):

@@ -58,7 +58,7 @@ class Tiling:
         scratch = scratch or Scratch()
         # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
         num_cubes, last = 0, -1
-        for rows in blocks(len(keys)):
+        for rows in scratch.blocks(len(keys)):
             num_cubes, last = num_cubes + _count_cubes(keys[rows], last), int(keys[rows][-1])
         self._bounds = scratch.empty(_CUBES, (num_cubes + 1,), np.int64)
         self._columns = scratch.empty(_COLUMNS, (num_cubes, 2), np.int32)

@@ -94,7 +94,10 @@ class Runs:
         # From one bound to the next lie so many sampled steps, and of each run a part of one more.
         step = max(1, max_rows // _SAMPLE - len(self._runs))
         bounds = np.unique(samples[step::step])
-        places = [_places(run.keys, bounds) for run in self._runs]
+        places = []
+        for run in self._runs:  # a search reads few keys, but the pages around them with each
+            places.append(_places(run.keys, bounds))
+            self._scratch.release()
         for part in range(len(bounds) + 1):
             yield [slice(place[part], place[part + 1]) for place in places]
 

@@ -115,6 +115,24 @@ def test_voxels_that_memory_can_not_hold(
     assert bool(list(tmp_path.iterdir())) == (len(whole) > max_voxels)
 
 
+def test_pages_of_one_run_are_let_go_before_the_next_is_searched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else memory would grow with the number of runs."""
+    sampler = GridSubsampler(GRID, folder=tmp_path, max_voxels=40)
+    sampler.add(np.random.default_rng(0).random((600, 3)) * 9, {})
+    events: list[str] = []
+    honest = voxel_runs._places
+    monkeypatch.setattr(
+        voxel_runs, "_places", lambda *given: (events.append("search"), honest(*given))[1]
+    )
+    monkeypatch.setattr(voxel_runs.Scratch, "release", lambda _: events.append("release"))
+    sampler.finish()
+    searches = [place for place, event in enumerate(events) if event == "search"]
+    assert len(searches) > 10
+    assert all(events[place + 1] == "release" for place in searches)
+
+
 @pytest.mark.parametrize(
     ("labels", "majority"),
     [([2, 1], 1), ([2, 1, 2, 1], 1), ([-1, -1, 2], 2), ([-1, -1], -1), ([0, 2, 2], 2)],

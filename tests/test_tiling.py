@@ -1,5 +1,7 @@
 """Tiles: every voxel in one core, cores of bounded size, halos that miss nothing."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from bushseg import tiling as module
 from bushseg.grid import BLOCK, decode_morton, encode_morton
+from bushseg.scratch import Scratch
 from bushseg.tiling import Tiling
 
 
@@ -61,6 +64,20 @@ def test_cut_again_it_is_cut_as_anew() -> None:
         for ours, theirs in zip(again.members(tile), anew.members(tile), strict=True):
             np.testing.assert_array_equal(ours, theirs)
     assert (tiling.tiles, tiling.halo_blocks) == (before, 1)
+
+
+def test_pages_are_let_go_while_voxels_are_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of ten blocks of keys no two are held at once, in neither pass."""
+    scratch = Scratch(tmp_path)
+    keys = scratch.empty("keys", (1000,), np.int64)
+    keys[:] = np.sort(np.random.default_rng(0).choice(10**9, 1000, replace=False))
+    monkeypatch.setattr("bushseg.scratch.BLOCK_ROWS", 100)
+    released: list[int] = []
+    monkeypatch.setattr(scratch, "release", lambda: released.append(0))
+    Tiling(keys, 50, 16, scratch)
+    assert len(released) >= 20
 
 
 def test_tiles_of_an_even_field_are_of_about_equal_size() -> None:

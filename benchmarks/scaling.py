@@ -13,7 +13,6 @@ fail.
 
 import argparse
 import json
-import re
 import subprocess
 import sys
 import tempfile
@@ -25,7 +24,7 @@ import laspy
 import numpy as np
 from open3d_ml_ours import model_at
 
-from bushseg.memory import parse_size
+from bushseg.memory import parse_size, peak_memory
 from bushseg.simulation import SimulateConfig, simulate
 
 
@@ -71,26 +70,13 @@ def run(arguments: list[str], max_memory: str | None) -> dict[str, float]:
         peak = 0
         with subprocess.Popen(command, stdout=output) as process:
             while process.poll() is None:
-                peak = max(peak, high_water(process.pid))
+                peak = max(peak, peak_memory(process.pid) or 0)
                 time.sleep(0.02)
         if process.returncode:
             raise SystemExit(f"{' '.join(command)} failed")
         output.seek(0)
         result: dict[str, float] = json.load(output)
     return result | {"peak_memory": peak}
-
-
-def high_water(number: int) -> int:
-    """The most memory that a process has had so far, bytes.
-
-    What the process itself is told (getrusage) is at least what this one had when it started it.
-    """
-    try:
-        status = Path(f"/proc/{number}/status").read_text()
-    except OSError:  # it has just ended
-        return 0
-    found = re.search(r"VmHWM:\s*(\d+) kB", status)
-    return 1024 * int(found[1]) if found else 0
 
 
 def main() -> None:

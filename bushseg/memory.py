@@ -9,6 +9,7 @@ import ctypes
 import re
 import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from bushseg.errors import ConfigError
 
@@ -42,6 +43,7 @@ _LEAST_TILE, _MOST_TILE = 100_000, 5_000_000
 _LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 22
 _UNITS = ("", "k", "m", "g", "t")
 _ARENA_MAX, _MMAP_THRESHOLD = -8, -3  # malloc.h
+_PEAK = re.compile(rb"^VmHWM:\s*(\d+) kB$", re.MULTILINE)
 _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", re.IGNORECASE | re.ASCII)
 
 
@@ -151,6 +153,31 @@ def give_back() -> None:
     """Return freed memory to the system: glibc keeps it, in pieces the next tile won't fit."""
     if (libc := _libc()) is not None:
         libc.malloc_trim(0)
+
+
+def peak_memory(process: int | None = None) -> int | None:
+    """The largest resident size that a process has had so far, in bytes; None where unknown.
+
+    Linux has it in /proc. What getrusage says there is at least the size of the process that
+    started this one, since it counts what came before this one's own program, too.
+
+    Args:
+        process: The number of another process, which is known on Linux alone; None for this one.
+    """
+    try:
+        status = Path(f"/proc/{process or 'self'}/status").read_bytes()
+    except OSError:  # no Linux, or it has ended
+        status = b""
+    if (found := _PEAK.search(status)) is not None:
+        return 1024 * int(found[1])
+    if process is not None:
+        return None
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
 
 
 def _libc() -> ctypes.CDLL | None:

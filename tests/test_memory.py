@@ -1,5 +1,8 @@
 """Sizes that fit a given memory."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -7,7 +10,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bushseg.errors import ConfigError
-from bushseg.memory import LEAST, be_lean, fit, fit_table, give_back, parse_size
+from bushseg.memory import LEAST, be_lean, fit, fit_table, give_back, parse_size, peak_memory
+
+# What a process says of its peak: at first, and after it has had 64 MB more.
+PEAKS = """
+from bushseg.memory import peak_memory
+first = peak_memory()
+more = b"x" * 64_000_000
+print(first, peak_memory())
+"""
+# Its parent's, which has had 256 MB.
+LARGE_PARENT = """
+import subprocess, sys
+from bushseg.memory import peak_memory
+more = b"x" * 256_000_000
+print(peak_memory(), flush=True)
+subprocess.run([sys.executable, "-c", sys.argv[1]], check=True)
+"""
 
 
 @pytest.mark.parametrize(
@@ -68,3 +87,21 @@ def test_too_little_for_prepare_is_refused() -> None:
 def test_giving_memory_back_is_harmless() -> None:
     be_lean()
     give_back()
+
+
+@pytest.mark.skipif(peak_memory() is None, reason="this system doesn't tell")
+def test_a_peak_is_a_process_own_however_large_the_one_that_started_it() -> None:
+    command = [sys.executable, "-c", LARGE_PARENT, PEAKS]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    parent, first, peak = map(int, said.split())
+    assert parent > 256_000_000
+    assert 1_000_000 < first < 128_000_000
+    assert 60_000_000 < peak - first < 80_000_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems tell of a process itself alone")
+def test_the_peak_of_another_process() -> None:
+    own = peak_memory(os.getpid())
+    assert own is not None
+    assert peak_memory() == pytest.approx(own, rel=0.05)
+    assert peak_memory(2**22 + 1) is None  # beyond the highest number there is

@@ -15,7 +15,7 @@ from bushseg.errors import WriteError
 from bushseg.folder_journal import Journal
 from bushseg.folder_plan import Planned
 from bushseg.model_choice import Candidate
-from bushseg.prediction import PredictResult
+from bushseg.prediction_result import PredictResult
 from bushseg.progress import Progress
 from bushseg.workspace import remove_finished
 

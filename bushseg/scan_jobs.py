@@ -12,9 +12,10 @@ from bushseg.cache import FORMAT_VERSION, output_identity, read_json, write_json
 from bushseg.checkpoint import Model, read_card, save_model
 from bushseg.config import PredictConfig
 from bushseg.errors import CacheError, ReadError
+from bushseg.file_labelling import label_file
 from bushseg.memory import give_back
 from bushseg.model_choice import Candidate
-from bushseg.prediction import PredictResult, label_file
+from bushseg.prediction_result import PredictResult
 from bushseg.tile_jobs import check_model_file
 from bushseg.verification import verify as prove
 

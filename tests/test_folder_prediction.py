@@ -11,9 +11,10 @@ import pytest
 from bushseg import folder_labelling, folder_prediction
 from bushseg.config import PredictConfig
 from bushseg.errors import CheckpointError, SchemeError, WriteError
+from bushseg.file_labelling import label_file
 from bushseg.folder_prediction import LOCK, predict_folder
 from bushseg.locks import locked
-from bushseg.prediction import label_file, predict_file
+from bushseg.prediction import predict_file
 
 
 @pytest.fixture

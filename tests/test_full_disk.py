@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bushseg import prediction, preparation
+from bushseg import preparation, tiled_scan
 from bushseg.config import PredictConfig
 from bushseg.errors import WriteError
 from bushseg.folder_prediction import predict_folder
@@ -65,12 +65,12 @@ def test_while_tiles_are_kept(model, scans, tmp_path, files_of_at_most):
 
 
 def test_while_voxels_go_to_disk(model, scans, tmp_path, files_of_at_most, monkeypatch):
-    read_voxels = prediction.read_voxels
+    read_voxels = tiled_scan.read_voxels
 
     def spill(*given, **more):
         return read_voxels(*given, **(more | {"max_voxels": 500}))
 
-    monkeypatch.setattr(prediction, "read_voxels", spill)
+    monkeypatch.setattr(tiled_scan, "read_voxels", spill)
     with files_of_at_most(3_000), pytest.raises(WriteError, match=r"no room|can't") as error:
         predict_file(scans / "south.las", tmp_path / "out.las", model)
     assert "File too large" in str(error.value)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bushseg import prediction, voxel_labels
+from bushseg import tiled_scan, voxel_labels
 from bushseg.config import PredictConfig
 from bushseg.errors import CacheError
 from bushseg.prediction import predict_file
@@ -42,7 +42,7 @@ def label(scans, model_file, tmp_path, monkeypatch) -> Callable[..., list[int]]:
             return honest(*args)
 
         monkeypatch.setattr(voxel_labels, "label_tile", watched)
-        monkeypatch.setattr(prediction, "MAX_VOXELS", max_voxels)
+        monkeypatch.setattr(tiled_scan, "MAX_VOXELS", max_voxels)
         config = TILES.model_copy(update=settings)
         try:
             predict_file(scans / "south.las", tmp_path / "out.las", model_file, config)
@@ -81,7 +81,7 @@ def test_a_run_that_was_broken_off_is_gone_on_with(max_voxels, label, undisturbe
 
 def test_voxels_on_disk_are_not_read_again(label, undisturbed, tmp_path, monkeypatch):
     label(300, stop_at=1)
-    monkeypatch.setattr(prediction, "read_voxels", None)
+    monkeypatch.setattr(tiled_scan, "read_voxels", None)
     label(300)
     assert (tmp_path / "out.las").read_bytes() == undisturbed
 
@@ -114,7 +114,7 @@ def test_a_damaged_scan_is_forgotten_before_it_is_read_again(label, tmp_path, mo
     label(300, stop_at=1)
     (path,) = tmp_path.rglob("cubes")
     path.unlink()
-    monkeypatch.setattr(prediction, "read_voxels", None)
+    monkeypatch.setattr(tiled_scan, "read_voxels", None)
     with pytest.raises(TypeError):
         label(300)
     assert not list(tmp_path.rglob(MANIFEST))

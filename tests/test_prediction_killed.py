@@ -24,11 +24,11 @@ def save_and_note(self, path):
 TileLabels.save = save_and_note
 """
 SPILL = """
-from bushseg import prediction
-read_voxels = prediction.read_voxels
+from bushseg import tiled_scan
+read_voxels = tiled_scan.read_voxels
 def spill(*arguments, **options):
     return read_voxels(*arguments, **(options | {"max_voxels": 500}))
-prediction.read_voxels = spill
+tiled_scan.read_voxels = spill
 """
 
 

@@ -133,11 +133,11 @@ def test_a_truncated_scan_leaves_nothing(model, south, tmp_path):
 
 
 def test_a_scan_that_grows_meanwhile(height_model, new_scene, tmp_path, monkeypatch):
-    from bushseg import prediction
+    from bushseg import file_labelling
 
     path = tmp_path / "scan.xyz"
     np.savetxt(path, new_scene(0, 300).xyz, fmt="%.3f")
-    honest = prediction.label_voxels
+    honest = file_labelling.label_voxels
 
     def meddle(*args):
         labels = honest(*args)
@@ -145,7 +145,7 @@ def test_a_scan_that_grows_meanwhile(height_model, new_scene, tmp_path, monkeypa
             file.write("1 2 3\n")
         return labels
 
-    monkeypatch.setattr(prediction, "label_voxels", meddle)
+    monkeypatch.setattr(file_labelling, "label_voxels", meddle)
     # A scan this small is written as it was read.
     assert predict_file(path, tmp_path / "out.ply", height_model).num_points == 300
     monkeypatch.setattr(kept, "KEPT_BYTES", 0)

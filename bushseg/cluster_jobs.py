@@ -26,8 +26,8 @@ def look(path: str, token: str, version: int) -> str | None:
         return f"has another version of bushseg (format {FORMAT_VERSION}, here {version})"
     folder = Path(path).parent
     remedy = (
-        "name a --scratch folder, or for many scans an output folder, that this machine and all "
-        "workers share"
+        "name a --scratch folder, or for many scans or a data set an output folder, that this "
+        "machine and all workers share"
     )
     try:
         found = Path(path).read_text(encoding="utf-8")

@@ -1,14 +1,12 @@
 """Whole scans of a folder, labelled by other processes."""
 
-import secrets
-import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bushseg.errors import BushsegError, WorkerError, WriteError
+from bushseg.errors import BushsegError, WorkerError
 from bushseg.folder_plan import Planned
 from bushseg.folder_work import FolderWork, ScanOutcome
 from bushseg.jobs import LABEL_SCAN, Outcome, Scheduler
@@ -16,9 +14,6 @@ from bushseg.memory import fit, share
 from bushseg.room import is_full
 from bushseg.scan_jobs import model_files, note_path, read_note
 from bushseg.schedulers import run_twice, wait_until_seen
-
-JOBS_FOLDER = ".bushseg-jobs"
-"""Within the folder of outputs, while other processes label its scans."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +40,7 @@ def label_elsewhere(
         folder: How they are to be labelled.
         todo: The scans, by their places in the plan.
         scheduler: Has them labelled.
-        place: For what the jobs need and leave (:func:`jobs_folder`).
+        place: For what the jobs need and leave (:func:`bushseg.schedulers.jobs_folder`).
 
     Yields:
         Places in the plan and what became of those scans, as they end. What is missing was left
@@ -120,25 +115,3 @@ def _take_up(folder: FolderWork, number: int, due: Due, ended: Outcome, place: P
     folder.journal.finish(it.name, due.work, note.file)
     result = replace(note.result, input=it.scan, output=it.output)
     return ScanOutcome(it.scan, it.output, "done", result=result)
-
-
-@contextmanager
-def jobs_folder(folder: Path) -> Iterator[Path]:
-    """A folder for what jobs need and leave.
-
-    Each run's has its own name: jobs of a run that was killed may still be under way on a cluster.
-
-    Raises:
-        WriteError: It can't be made.
-    """
-    root = folder / JOBS_FOLDER
-    place = root / secrets.token_hex(4)
-    shutil.rmtree(root, ignore_errors=True)
-    try:
-        place.mkdir(parents=True)
-    except OSError as error:
-        raise WriteError(f"{place}: can't write here ({error.strerror or error})") from error
-    try:
-        yield place
-    finally:
-        shutil.rmtree(root, ignore_errors=True)

@@ -4,11 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from bushseg.errors import BushsegError
 from bushseg.file_labelling import label_file
-from bushseg.folder_jobs import Due, jobs_folder, label_elsewhere
+from bushseg.folder_jobs import Due, label_elsewhere
 from bushseg.folder_plan import Planned
 from bushseg.folder_work import FolderWork, ScanOutcome
 from bushseg.jobs import Scheduler
 from bushseg.room import is_full
+from bushseg.schedulers import jobs_folder
 from bushseg.verification import verify as prove
 
 

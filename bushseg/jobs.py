@@ -1,7 +1,7 @@
 """Work that another process does: a name and plain JSON go in, nothing or a complaint comes out."""
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -12,10 +12,12 @@ from bushseg.room import with_reason
 
 LABEL_TILE = "label tile"
 LABEL_SCAN = "label scan"
+PREPARE_SCAN = "prepare scan"
 
 JOBS = {
     LABEL_TILE: "bushseg.tile_jobs:label_tile_job",
     LABEL_SCAN: "bushseg.scan_jobs:label_scan_job",
+    PREPARE_SCAN: "bushseg.prepare_jobs:prepare_scan_job",
 }
 """Every job there is: the module that is imported when it is first done, and the function there,
 since what does a job may also be what gives jobs out. Results are files, which appear whole or not
@@ -76,6 +78,13 @@ class Scheduler(Protocol):
         """Have processes that wait for jobs leave their memory to those at work."""
 
 
+def load_job(name: str) -> Callable[..., None]:
+    """The function of a job, its module imported."""
+    module, _, function = JOBS[name].partition(":")
+    found: Callable[..., None] = getattr(import_module(module), function)
+    return found
+
+
 def run_job(name: str, arguments: Mapping[str, Any]) -> str | None:
     """Do a job in this process; jobs of several threads wait for each other.
 
@@ -87,8 +96,7 @@ def run_job(name: str, arguments: Mapping[str, Any]) -> str | None:
     """
     with one_at_a_time:
         try:
-            module, _, function = JOBS[name].partition(":")
-            getattr(import_module(module), function)(**arguments)
+            load_job(name)(**arguments)
         except BushsegError as error:
             return with_reason(str(error), error)
         except OSError as error:

@@ -8,6 +8,7 @@ import errno
 import os
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,12 +17,14 @@ from bushseg.errors import WriteError
 
 LOCK = ".lock"
 
+_TICK = 0.1  # seconds between two tries
+
 _HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
 """What the system says of a lock that another process holds."""
 
 
 @contextmanager
-def locked(folder: str | Path, name: str = LOCK) -> Iterator[None]:
+def locked(folder: str | Path, name: str = LOCK, patience: float = 0.0) -> Iterator[None]:
     """Keep other processes out of a folder, as far as they ask for the same lock.
 
     A file system that knows no locks (some network ones) can't keep anybody out: there the block
@@ -30,6 +33,7 @@ def locked(folder: str | Path, name: str = LOCK) -> Iterator[None]:
     Args:
         folder: The folder; created if need be, and removed again if the block leaves it empty.
         name: The lock file's name in it; removed when the block ends.
+        patience: Seconds to wait for another process that holds the lock.
 
     Raises:
         WriteError: Another process holds the lock, or the folder can't be created or written to.
@@ -38,7 +42,9 @@ def locked(folder: str | Path, name: str = LOCK) -> Iterator[None]:
     is_new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = _take(folder / name)
+        deadline = time.monotonic() + patience
+        while (handle := _take(folder / name)) is None and time.monotonic() < deadline:
+            time.sleep(_TICK)
     except OSError as error:
         raise WriteError(f"{folder}: can't write here ({error.strerror or error})") from error
     if handle is None:

@@ -111,13 +111,14 @@ def fit(max_memory: int, workers: int = 1) -> Sizes:
     )
 
 
-def fit_table(max_memory: int | str, tile_points: int, num_classes: int) -> int:
-    """How many voxels `prepare` may hold in memory while it reads a scan.
+def fit_table(max_memory: int | str, tile_points: int, num_classes: int, workers: int = 1) -> int:
+    """How many voxels a process of `prepare` may hold in memory while it reads a scan.
 
     Args:
-        max_memory: Bytes to keep within, or a size such as "2GB".
+        max_memory: Bytes of all processes together, or a size such as "2GB".
         tile_points: Voxels in a tile's core.
         num_classes: Classes that a voxel's points may vote for.
+        workers: Processes that read scans at once; where there are several, beside this one.
 
     Raises:
         ConfigError: No number of them would do.
@@ -125,17 +126,20 @@ def fit_table(max_memory: int | str, tile_points: int, num_classes: int) -> int:
     if isinstance(max_memory, str):
         max_memory = parse_size(max_memory)
     voxel = TABLE_VOXEL + CLASS_VOXEL * num_classes
-    least = PREPARING + max(voxel * _LEAST_TABLE, int(HALO * CUT_VOXEL * tile_points))
+    each = PREPARING + max(voxel * _LEAST_TABLE, int(HALO * CUT_VOXEL * tile_points))
+    least = workers * each + (READING if workers > 1 else 0)
     if max_memory < least:
+        processes = f" in {workers} processes" if workers > 1 else ""
         raise ConfigError(
-            f"max_memory is {max_memory / 1e9:.2f} GB; preparing tiles of {tile_points:,} voxels "
-            f"takes at least {least / 1e9:.2f} GB: allow as much"
+            f"max_memory is {max_memory / 1e9:.2f} GB; preparing tiles of {tile_points:,} voxels"
+            f"{processes} takes at least {least / 1e9:.2f} GB: allow as much"
+            f"{', or fewer' if workers > 1 else ''}"
         )
-    return min((max_memory - PREPARING) // voxel, _MOST_TABLE)
+    return min((share(max_memory, workers) - PREPARING) // voxel, _MOST_TABLE)
 
 
 def share(max_memory: int, workers: int) -> int:
-    """What each of several processes that label may take, in bytes; this one keeps its own."""
+    """What each of several processes that work may take, in bytes; this one keeps its own."""
     return (max_memory - READING) // workers if workers > 1 else max_memory
 
 

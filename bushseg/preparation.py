@@ -16,20 +16,22 @@ from bushseg.cache import FORMAT_VERSION, KEY_DIGITS, write_json
 from bushseg.codes import Encoded, UnknownCodes
 from bushseg.config import PrepareConfig
 from bushseg.crop_files import finished_crops, write_crops
-from bushseg.errors import DataError
+from bushseg.errors import ConfigError, DataError
 from bushseg.features import FEATURES
 from bushseg.files import remove_partials
 from bushseg.io import find_scans
 from bushseg.labels import load_scheme
 from bushseg.locks import locked
 from bushseg.memory import be_lean, fit_table
-from bushseg.prepared import DATASET, SCRATCH, crops_key, scan_key
+from bushseg.prepared import DATASET, SCANS, SCRATCH, crops_key, lock_name, scan_key
 from bushseg.progress import SILENT, Progress
-from bushseg.scan_tiles import finished_tiles, write_tiles
+from bushseg.scan_tiles import finished_tiles
 from bushseg.scheme import ClassScheme
 from bushseg.stages import Stages
 from bushseg.subsample import MAX_VOXELS
+from bushseg.tile_making import Makers, make_tiles
 
+_KEY = "-" + "[0-9a-f]" * KEY_DIGITS
 _NO_LABELS = np.empty(0, dtype=np.int16)
 
 
@@ -51,7 +53,7 @@ class PrepareResult:
         seconds: From the first scan to the finished data set.
         stages: Seconds by stage: read, sub-sample, ground and features, tiling, neighbors,
             normals, write (tiles), draw crops (with their indices, and written); none where
-            nothing had to be done.
+            nothing had to be done, of tiles none where other processes made them.
         warnings: What a user should know: unknown codes, scans without labels, skipped points.
     """
 
@@ -76,6 +78,9 @@ def prepare(
     config: PrepareConfig | None = None,
     *,
     max_memory: int | str | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    insecure_scheduler: bool = False,
     progress: Progress = SILENT,
 ) -> PrepareResult:
     """Prepare scans for training.
@@ -88,27 +93,40 @@ def prepare(
         output: The data set's folder.
         config: Settings; None takes the defaults.
         max_memory: Memory to keep within, bytes or a size such as "2GB": what of a scan goes beyond
-            it stands in files beside its tiles meanwhile, which come out the same.
-        progress: Told of points read, tiles made and crops drawn.
+            it stands in files beside its tiles meanwhile, which come out the same. Each of several
+            processes has its share; each of a Dask cluster's may take all of it.
+        workers: Processes that make scans into tiles at once; 1 is this one, on all cores.
+        scheduler: Dask scheduler whose workers do so, tcp://... or tls://...; they must see scans
+            and output by the same paths.
+        insecure_scheduler: Whether a scheduler of another machine may be called without tls.
+        progress: Told of points read, tiles made and crops drawn; of scans, where other processes
+            make the tiles.
 
     Returns:
         What was done.
 
     Raises:
         BushsegError: A scan can't be read, a setting doesn't fit, there is no scan at all, the disk
-            is full, `max_memory` is too little, or another process prepares into this folder.
+            is full, `max_memory` is too little, another process prepares into this folder, or one
+            of several was lost twice by a scan: the others are finished and kept.
     """
+    if workers < 1:
+        raise ConfigError(f"workers is {workers}; expected 1 or more")
+    if scheduler is not None and workers > 1:
+        raise ConfigError("workers and scheduler are both set; name one of them")
     config = config or PrepareConfig()
     scheme = load_scheme(config.scheme)
-    max_voxels = MAX_VOXELS
+    max_voxels = each = MAX_VOXELS
     if max_memory is not None:
         be_lean()
         max_voxels = fit_table(max_memory, config.tile_points, scheme.num_classes)
+        each = fit_table(max_memory, config.tile_points, scheme.num_classes, workers)
+    makers = Makers(each, max_memory is not None, workers, scheduler, insecure_scheduler)
     scans = find_scans(paths)
     if not scans:
         raise DataError(f"{', '.join(map(str, paths))}: no scan found; give scans or their folder")
     with locked(output):
-        return _prepare(scans, Path(output), config, scheme, max_voxels, progress)
+        return _prepare(scans, Path(output), config, scheme, max_voxels, makers, progress)
 
 
 def _prepare(
@@ -117,6 +135,7 @@ def _prepare(
     config: PrepareConfig,
     scheme: ClassScheme,
     max_voxels: int,
+    makers: Makers,
     progress: Progress,
 ) -> PrepareResult:
     """Make what isn't there, in a folder that nobody else writes to."""
@@ -124,13 +143,14 @@ def _prepare(
     remove_partials(folder / DATASET)
     places = [_place(folder, path, config, scheme) for path in scans]
     _remove_abandoned(folder, places)
-    manifests, num_redone = [], 0
-    for path, place in zip(scans, places, strict=True):
-        manifest = finished_tiles(place)
-        if manifest is None:
-            manifest = write_tiles(path, place, config, scheme, max_voxels, progress, stages)
-            num_redone += 1
-        manifests.append({**manifest, "folder": f"scans/{place.name}"})
+    kept = [finished_tiles(place) for place in places]
+    whole = zip(scans, places, kept, strict=True)
+    due = {path: place for path, place, manifest in whole if manifest is None}
+    made = make_tiles(due, folder, config, scheme, makers, progress, stages)
+    manifests = [
+        {**(manifest or made[path]), "folder": f"{SCANS}/{place.name}"}
+        for path, place, manifest in zip(scans, places, kept, strict=True)
+    ]
     crops = folder / f"crops-{crops_key(manifests, config)}"
     tiles = [tile for manifest in manifests for tile in manifest["tiles"]]
     class_counts = np.sum([tile["class_counts"] for tile in tiles], axis=0)
@@ -155,7 +175,7 @@ def _prepare(
     return PrepareResult(
         folder=folder,
         num_scans=len(scans),
-        num_redone=num_redone,
+        num_redone=len(due),
         num_tiles=len(tiles),
         num_crops=len(drawn["tiles"]),
         crops_redone=crops_redone,
@@ -171,7 +191,7 @@ def _prepare(
 
 def _place(folder: Path, scan: Path, config: PrepareConfig, scheme: ClassScheme) -> Path:
     """A scan's folder in the data set."""
-    return folder / "scans" / f"{scan.name.split('.')[0][:60]}-{scan_key(scan, config, scheme)}"
+    return folder / SCANS / f"{scan.name.split('.')[0][:60]}-{scan_key(scan, config, scheme)}"
 
 
 def _remove_abandoned(folder: Path, places: Sequence[Path]) -> None:
@@ -212,10 +232,11 @@ def _remove_stale(folder: Path, scans: Sequence[str], crops: str) -> None:
     for path in _keyed(folder):
         if path not in keep:
             shutil.rmtree(path)
+    for path in folder.glob(f"{SCANS}/{lock_name('*' + _KEY)}"):  # of killed processes
+        path.unlink(missing_ok=True)
 
 
 def _keyed(folder: Path) -> list[Path]:
     """The folders of scans and crops, of any key."""
-    key = "-" + "[0-9a-f]" * KEY_DIGITS
-    found = (*folder.glob(f"scans/*{key}"), *folder.glob(f"crops{key}"))
+    found = (*folder.glob(f"{SCANS}/*{_KEY}"), *folder.glob(f"crops{_KEY}"))
     return [path for path in found if path.is_dir()]

@@ -20,6 +20,7 @@ from bushseg.scheme import ClassScheme
 
 DATASET = "dataset.json"
 MANIFEST = "manifest.json"
+SCANS = "scans"
 SCRATCH = ".scratch"
 """A folder beside what is being written, with what memory can't hold meanwhile."""
 
@@ -30,6 +31,11 @@ CROP_SETTINGS = {"crop_points", "num_crops"}
 def tile_name(number: int) -> str:
     """File name of a scan's tile."""
     return f"tile_{number:04d}.safetensors"
+
+
+def lock_name(place: str) -> str:
+    """Lock, beside a scan's folder of that name, of whoever writes tiles into it."""
+    return f".{place}.lock"
 
 
 def crop_name(number: int) -> str:

@@ -19,9 +19,10 @@ from bushseg.errors import CacheError
 from bushseg.features import height_profile
 from bushseg.files import remove_partials_in
 from bushseg.io import open_scan
+from bushseg.locks import locked
 from bushseg.manifests import ScanManifest, TileRecord, check_manifest
 from bushseg.memory import give_back
-from bushseg.prepared import MANIFEST, SCRATCH, tile_name
+from bushseg.prepared import MANIFEST, SCRATCH, lock_name, tile_name
 from bushseg.progress import SILENT, Progress
 from bushseg.scan import VoxelScan, read_voxels
 from bushseg.scheme import ClassScheme
@@ -32,6 +33,9 @@ from bushseg.tile_data import TileData, cut_points
 from bushseg.tile_files import load_tile, save_tile
 from bushseg.tiling import Tiling
 from bushseg.voxel_normals import voxel_normals
+
+_PATIENCE = 30.0
+"""Seconds for a worker process to notice that whoever gave it its work was killed, and end."""
 
 
 def finished_tiles(place: Path) -> dict[str, Any] | None:
@@ -54,8 +58,11 @@ def write_tiles(
     max_voxels: int = MAX_VOXELS,
     progress: Progress = SILENT,
     stages: Stages | None = None,
+    name: str | None = None,
 ) -> dict[str, Any]:
     """Read one scan and write its tiles; the manifest, written last, says that all are there.
+
+    If they are already, nothing is done.
 
     Args:
         path: The scan.
@@ -66,14 +73,33 @@ def write_tiles(
         max_voxels: Voxels to hold in memory.
         progress: Told of points read and tiles made.
         stages: Told of the time that each step takes.
+        name: What the manifest calls the scan; None: by its path.
 
     Returns:
         The manifest.
 
     Raises:
-        BushsegError: The scan can't be read, or the disk refuses.
+        BushsegError: The scan can't be read, the disk refuses, or another process is at it and
+            doesn't end soon: a cluster's may go on though whoever gave it its work was killed.
     """
-    stages, scratch = stages or Stages(), place / SCRATCH
+    with locked(place.parent, lock_name(place.name), _PATIENCE):
+        return finished_tiles(place) or _write_tiles(
+            path, place, config, scheme, max_voxels, progress, stages or Stages(), name or str(path)
+        )
+
+
+def _write_tiles(
+    path: Path,
+    place: Path,
+    config: PrepareConfig,
+    scheme: ClassScheme,
+    max_voxels: int,
+    progress: Progress,
+    stages: Stages,
+    name: str,
+) -> dict[str, Any]:
+    """As :func:`write_tiles`, in a folder that nobody else writes to."""
+    scratch = place / SCRATCH
     scan, tiling = _voxels(path, place, config, scheme, max_voxels, progress, stages)
     normals, distances = voxel_normals(scan, tiling, config.num_neighbors, stages)
     give_back()
@@ -96,7 +122,7 @@ def write_tiles(
         progress.advance(1)
     manifest = {
         "version": FORMAT_VERSION,
-        "path": str(path),
+        "path": name,
         "num_points": scan.num_points,
         "num_skipped": scan.num_skipped,
         "unknown_codes": {str(code): count for code, count in scan.unknown.codes.items()},

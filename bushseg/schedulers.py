@@ -1,14 +1,19 @@
 """Who does the jobs: this process, worker processes beside it, or a Dask cluster."""
 
+import secrets
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from bushseg.errors import ConfigError
+from bushseg.errors import ConfigError, WriteError
 from bushseg.jobs import Outcome, Scheduler
 from bushseg.worker_pool import WorkerPool
+
+JOBS_FOLDER = ".bushseg-jobs"
+"""Within the folder of outputs, while other processes work on its scans."""
 
 _SHARED_FOLDER_DELAY = 60.0  # seconds
 
@@ -82,3 +87,25 @@ def wait_until_seen(path: Path) -> None:
     deadline = time.monotonic() + _SHARED_FOLDER_DELAY
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.5)
+
+
+@contextmanager
+def jobs_folder(folder: Path) -> Iterator[Path]:
+    """A folder for what jobs need and leave.
+
+    Each run's has its own name: jobs of a run that was killed may still be under way on a cluster.
+
+    Raises:
+        WriteError: It can't be made.
+    """
+    root = folder / JOBS_FOLDER
+    place = root / secrets.token_hex(4)
+    shutil.rmtree(root, ignore_errors=True)
+    try:
+        place.mkdir(parents=True)
+    except OSError as error:
+        raise WriteError(f"{place}: can't write here ({error.strerror or error})") from error
+    try:
+        yield place
+    finally:
+        shutil.rmtree(root, ignore_errors=True)

@@ -22,9 +22,7 @@ def main() -> None:
     jobs: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
 
-    import torch
-
-    from bushseg.jobs import run_job
+    from bushseg.jobs import load_job, run_job
     from bushseg.parallel import use_cores
 
     answer: str | None = READY
@@ -32,7 +30,9 @@ def main() -> None:
         os.write(answers, json.dumps(answer).encode() + b"\n")
         name, arguments, cores = jobs.get()
         use_cores(cores)
-        torch.set_num_threads(cores)
+        load_job(name)
+        if (torch := sys.modules.get("torch")) is not None:  # not all jobs need it, it takes memory
+            torch.set_num_threads(cores)
         answer = run_job(name, arguments)
 
 

@@ -45,6 +45,21 @@ def prepare(
         str | None,
         typer.Option(help="Memory to keep within, such as 2GB; what is beyond goes to disk."),
     ] = None,
+    workers: Annotated[
+        int, typer.Option(help="Processes that make scans into tiles at once; 1: on all cores.")
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have a Dask cluster do so: tcp://127.0.0.1:8786, tls://host:port. Its workers "
+            "must share the scans' folders and --output. Needs the extra [cluster].",
+        ),
+    ] = None,
+    insecure_scheduler: Annotated[
+        bool,
+        typer.Option("--insecure-scheduler", help="Call another machine's scheduler without tls."),
+    ] = False,
     config: ConfigFile = None,
     profile: Profile = False,
     quiet: Quiet = False,
@@ -62,10 +77,16 @@ def prepare(
         bushseg prepare a.laz b.laz --scheme asprs --voxel-size 0.25
 
         bushseg prepare painted.laz --for default
+
+        bushseg prepare scans/ --workers 4 --max-memory 8GB
     """
     from bushseg.config import Config
     from bushseg.preparation import prepare as run
 
+    if profile and (workers > 1 or scheduler is not None):
+        raise typer.BadParameter(
+            "--profile goes with one process: leave out --workers and --scheduler"
+        )
     given = changed(
         scheme=scheme,
         voxel_size=voxel_size,
@@ -83,7 +104,16 @@ def prepare(
         if not (quiet or as_json):
             err.print(f"prepared for {whose}")
     with interruptible(), progress(quiet=quiet or as_json) as shown:
-        result = run(paths, output, settings, max_memory=max_memory, progress=shown)
+        result = run(
+            paths,
+            output,
+            settings,
+            max_memory=max_memory,
+            workers=workers,
+            scheduler=scheduler,
+            insecure_scheduler=insecure_scheduler,
+            progress=shown,
+        )
     if as_json:
         print_json(result)
         return

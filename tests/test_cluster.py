@@ -17,6 +17,7 @@ from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WorkerError
 from bushseg.folder_prediction import predict_folder
 from bushseg.prediction import predict_file
+from bushseg.preparation import prepare
 
 distributed = pytest.importorskip("distributed")
 
@@ -26,14 +27,15 @@ pytestmark = pytest.mark.filterwarnings("default")
 SETTINGS = {"tile_points": 1000, "halo": 16}
 
 # A tile kills its worker as long as a file "deadly-NUMBER" says so, two folders above the scan's; a
-# scan does if "deadly-NAME" stands beside the folder of outputs.
+# scan does if "deadly-NAME" stands beside the folder of outputs, or the data set's.
 PRELOAD = """
 import os, signal
 from pathlib import Path
-from bushseg import scan_jobs, tile_jobs
+from bushseg import prepare_jobs, scan_jobs, tile_jobs
 
 label_tile = tile_jobs.label_tile_job
 label_scan = scan_jobs.label_scan_job
+prepare_scan = prepare_jobs.prepare_scan_job
 
 def attempt(root, name):
     with open(root / f"tries-{name}", "a") as file:
@@ -49,7 +51,12 @@ def work_on_scan(output, **arguments):
     attempt(Path(output).parents[1], Path(output).name)
     label_scan(output=output, **arguments)
 
+def prepare(folder, scan, **arguments):
+    attempt(Path(folder).parents[2], Path(scan).name)
+    prepare_scan(folder=folder, scan=scan, **arguments)
+
 def dask_setup(worker):
+    prepare_jobs.prepare_scan_job = prepare
     tile_jobs.label_tile_job = work
     scan_jobs.label_scan_job = work_on_scan
 """
@@ -159,6 +166,28 @@ def test_whole_scans_on_a_cluster(local, run, scans, tmp_path):
     assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
     assert (tmp_path / "tries-north.las").read_text() == "xx"
     assert sorted(path.name for path in (tmp_path / "out").glob(".*")) == [".bushseg.json"]
+
+
+def test_scans_are_prepared_on_a_cluster(local, tiny, scans, tmp_path):
+    (tmp_path / "deadly-north.las").touch()
+    config, folder = tiny().prepare, tmp_path / "out"
+    with pytest.raises(WorkerError) as caught:
+        prepare([scans], folder, config, scheduler=local)
+    assert str(caught.value) == (
+        f"{scans / 'north.las'}: its worker was lost twice (its Dask worker was lost); 2 of 3 "
+        "scans are done and kept: make memory free, then start the same command again"
+    )
+    (tmp_path / "deadly-north.las").unlink()
+    assert prepare([scans], folder, config, scheduler=local).num_redone == 1
+    tries = {path.name: path.read_text() for path in tmp_path.glob("tries-*")}
+    assert tries == {"tries-middle.las": "x", "tries-north.las": "xxx", "tries-south.las": "x"}
+    alone = prepare([scans], tmp_path / "alone", config).folder
+    assert contents(folder) == contents(alone)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_a_folder_that_the_workers_do_not_see(local, tmp_path):

@@ -14,11 +14,11 @@ from bushseg import folder_prediction, scan_jobs, worker_pool
 from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WriteError
 from bushseg.file_labelling import label_file
-from bushseg.folder_jobs import JOBS_FOLDER
 from bushseg.folder_prediction import FolderResult, predict_folder
 from bushseg.jobs import LABEL_SCAN, LABEL_TILE, Outcome, run_job
 from bushseg.memory import share
 from bushseg.scan_jobs import note_path
+from bushseg.schedulers import JOBS_FOLDER
 
 SMALL = {"tile_points": 1000, "halo": 16}
 

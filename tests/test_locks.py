@@ -77,6 +77,29 @@ def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
         process.kill()
 
 
+def test_who_is_patient_has_it_next(tmp_path: Path) -> None:
+    held, order = threading.Event(), []
+
+    def hold() -> None:
+        with locked(tmp_path):
+            held.set()
+            refused.wait(30)
+            order.append("first")
+
+    refused = threading.Event()
+    thread = threading.Thread(target=hold)
+    thread.start()
+    assert held.wait(30)
+    with pytest.raises(WriteError):
+        take(tmp_path)
+    refused.set()
+    with locked(tmp_path, patience=30):
+        order.append("second")
+    thread.join()
+    assert order == ["first", "second"]
+    assert not list(tmp_path.iterdir())
+
+
 def test_never_two_at_once(tmp_path: Path) -> None:
     """Threads take and give back one lock as fast as they can: the removed file fools nobody."""
     inside, most, taken = 0, 0, 0

@@ -10,7 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bushseg.errors import ConfigError
-from bushseg.memory import LEAST, be_lean, fit, fit_table, give_back, parse_size, peak_memory
+from bushseg.memory import (
+    LEAST,
+    be_lean,
+    fit,
+    fit_table,
+    give_back,
+    parse_size,
+    peak_memory,
+    share,
+)
 
 # What a process says of its peak: at first, and after it has had 64 MB more.
 PEAKS = """
@@ -82,6 +91,14 @@ def test_too_little_for_prepare_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"0\.30 GB; preparing tiles of 4,000,000 .* 1\.49 GB"):
         fit_table("300 MB", 4_000_000, 8)
     assert fit_table("2GB", 120_000, 8) == fit_table(2 * 10**9, 120_000, 8)
+
+
+def test_processes_of_prepare_share() -> None:
+    for workers in (2, 3):
+        each = fit_table(5 * 10**9, 120_000, 8, workers)
+        assert each == fit_table(share(5 * 10**9, workers), 120_000, 8)
+    with pytest.raises(ConfigError, match=r"voxels in 9 processes takes at least .* or fewer"):
+        fit_table("5GB", 120_000, 8, 9)
 
 
 def test_giving_memory_back_is_harmless() -> None:

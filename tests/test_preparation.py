@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plyfile import PlyData, PlyElement
 
-from bushseg import preparation
+from bushseg import preparation, tile_making
 from bushseg.cache import load_tensors, pyramid_from_tensors, read_json
 from bushseg.config import PrepareConfig
 from bushseg.dataset import Dataset
@@ -294,13 +294,13 @@ def test_with_little_memory_the_same_files(
 ) -> None:
     whole = snapshot(run(tmp_path / "whole", site).folder)
     told: list[int] = []
-    honest = preparation.write_tiles
+    honest = tile_making.write_tiles
 
     def watched(*args: Any) -> dict[str, Any]:
         told.append(args[4])
         return honest(*args[:4], 200, *args[5:])
 
-    monkeypatch.setattr(preparation, "write_tiles", watched)
+    monkeypatch.setattr(tile_making, "write_tiles", watched)
     monkeypatch.setattr(preparation, "be_lean", lambda: told.append(-1))
     folder = prepare([site], tmp_path / "little", CONFIG, max_memory="600MB").folder
     assert told[0] == -1

@@ -96,6 +96,19 @@ def test_killed_at_random_moments(before, start_command, scans, settings, tmp_pa
     check_killed(start_command, scans, settings, tmp_path, seed=1, most=4, before=before)
 
 
+def test_killed_while_other_processes_work(start_command, scans, settings, tmp_path):
+    common = ("prepare", scans, "-c", settings, "-q", "--workers", 2, "-o")
+    command = start_command(*common, tmp_path / "killed")
+    command.wait_for(tmp_path / "killed", "scans/*/tile_0000*")
+    command.kill()
+    assert command.wait() == -9
+    command = start_command(*common, tmp_path / "killed")
+    assert command.wait() == 0, command.said.read_text()
+    command = start_command("prepare", scans, "-c", settings, "-q", "-o", tmp_path / "whole")
+    assert command.wait() == 0, command.said.read_text()
+    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("before", ["", ON_DISK], ids=["in memory", "on disk"])
 def test_killed_at_many_moments(before, start_command, scans, settings, tmp_path):

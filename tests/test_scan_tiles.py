@@ -95,6 +95,14 @@ def test_what_is_done_is_not_done_again(first, prepare, place, undisturbed, monk
     assert contents(place) == undisturbed
 
 
+def test_what_stands_is_left_as_it_is(prepare, place, undisturbed):
+    prepare(MANY)
+    assert prepare(MANY) == (0, 0)
+    assert contents(place.parent) == {
+        f"{place.name}/{name}": raw for name, raw in undisturbed.items()
+    }
+
+
 def test_broken_off_again_and_again(prepare, place, undisturbed):
     for limits in ({"pieces": 1},) * 3 + ({"pieces": 0}, {"tiles": 0}) + ({"tiles": 1},) * 2:
         prepare(**limits)

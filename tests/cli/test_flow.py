@@ -44,6 +44,16 @@ def test_prepare_within_too_little_memory(bushseg, scans, settings):
     assert "is no size" in bushseg("prepare", scans, "-c", settings, "--max-memory", "lots").err
 
 
+def test_prepare_in_processes_has_no_profile(bushseg, scans, settings):
+    refused = bushseg("prepare", scans, "-c", settings, "--workers", 2, "--profile")
+    assert refused.status == 2
+    assert "--profile goes with one process" in refused.err
+    assert not Path("prepared").exists()
+    refused = bushseg("prepare", scans, "-c", settings, "--scheduler", "tcp://192.0.2.1:8786")
+    assert refused.status == 1
+    assert "or --insecure-scheduler" in refused.err
+
+
 def test_json_of_prepare_and_train(bushseg, scans, settings):
     made = json.loads(bushseg("prepare", scans, "-o", "data", "-c", settings, "--json").out)
     assert (made["folder"], made["num_scans"], made["num_redone"]) == ("data", 3, 3)

@@ -90,6 +90,7 @@ def main() -> None:
     parser.add_argument("--model", help="instead of one of random weights")
     parser.add_argument("--max-memory", help="memory to keep within, such as 2GB")
     parser.add_argument("--prepare", action="store_true", help="prepare instead of labelling")
+    parser.add_argument("--json", type=Path, help="write the last run's result there")
     options = parser.parse_args()
     sizes = [int(size) for size in options.points.split(",")]
     with tempfile.TemporaryDirectory() as folder:
@@ -104,7 +105,7 @@ def main() -> None:
         for size in sizes:
             scans.append(root / f"{size}.las")
             site_copies(site, scans[-1], size)
-        measured(scans[0])  # loads what the first run of an installation compiles
+        measured(site)  # loads what the first run of an installation compiles
         work = "crops" if options.prepare else "passes"
         print(f"| points | voxels | {work} | s | points/s | peak GB |")
         print("|---:|---:|---:|---:|---:|---:|")
@@ -119,6 +120,8 @@ def main() -> None:
                 f"| {seconds[-1]:.2f} | {size / seconds[-1]:,.0f} | {peak / 1e9:.2f} |",
                 flush=True,
             )
+    if options.json is not None:
+        options.json.write_text(json.dumps(runs[-1], indent=1) + "\n", "utf-8")
     exponent = np.log(seconds[-1] / seconds[0]) / np.log(sizes[-1] / sizes[0])
     print(f"\nTime grows with the power {exponent:.2f} of the points.")
 

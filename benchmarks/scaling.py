@@ -122,8 +122,9 @@ def main() -> None:
             )
     if options.json is not None:
         options.json.write_text(json.dumps(runs[-1], indent=1) + "\n", "utf-8")
-    exponent = np.log(seconds[-1] / seconds[0]) / np.log(sizes[-1] / sizes[0])
-    print(f"\nTime grows with the power {exponent:.2f} of the points.")
+    if len(sizes) > 1:
+        exponent = np.log(seconds[-1] / seconds[0]) / np.log(sizes[-1] / sizes[0])
+        print(f"\nTime grows with the power {exponent:.2f} of the points.")
 
 
 if __name__ == "__main__":

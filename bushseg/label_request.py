@@ -74,8 +74,9 @@ class LabelRequest:
         # A model that is in memory alone has no name to know it by: what is done can't be taken up.
         source = chosen.source
         model = file_hash(source) if isinstance(source, Path) else secrets.token_hex()
-        # Of max_memory, only the tiles' size makes a difference.
+        # Of max_memory, only the tiles' size makes a difference, and that halos count towards it.
         settings = self.config.model_dump(mode="json", include={"tile_points", "halo", "precision"})
+        settings["bounded"] = self.config.max_memory is not None
         return {"scan": identity(self.scan), "model": model, "settings": settings}
 
     def take_finished(self, work: dict[str, Any]) -> PredictResult | None:

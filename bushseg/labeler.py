@@ -10,6 +10,7 @@ from bushseg.checkpoint import Model, ModelCard
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError
 from bushseg.inference import probabilities, tile_logits
+from bushseg.memory import HALO
 from bushseg.scan import VoxelScan
 from bushseg.stages import Stages
 from bushseg.tile_data import cut_tile
@@ -34,9 +35,10 @@ class TilePrediction:
 
 
 def cut(model: Model, scan: VoxelScan, config: PredictConfig) -> Tiling:
-    """How a scan is cut for a model."""
+    """How a scan is cut for a model; to keep within memory, halos count towards a tile's size."""
     halo = model.card.prepare.halo if config.halo is None else config.halo
-    return Tiling(scan.voxels.keys, config.tile_points, halo, scan.voxels.scratch)
+    most = None if config.max_memory is None else int(HALO * config.tile_points)
+    return Tiling(scan.voxels.keys, config.tile_points, halo, scan.voxels.scratch, most)
 
 
 def label_tile(

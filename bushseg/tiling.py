@@ -5,7 +5,7 @@ so that a dense spot under a scanner and an empty field give tiles that cost the
 in the core of exactly one tile; the halo lends a tile's border the neighbors it would have had.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
 from typing import Self
@@ -18,6 +18,9 @@ from bushseg.grid import BLOCK, BLOCK_BITS, decode_morton
 from bushseg.scratch import Scratch, blocks
 
 _CUBES, _COLUMNS = "cubes", "columns"
+
+_SMALL_CORE = 10_000
+"""Voxels of a core that isn't cut for its halo's sake: more of them would be little but halo."""
 
 _MOST_BLOCKS = 1 << 20
 """Blocks that are listed in memory, 100 bytes each: 3 square kilometres at voxels of 0.1 m."""
@@ -46,6 +49,8 @@ class Tiling:
         tile_points: A core holds at most so many voxels, unless a single block holds more.
         halo: Context on each side, in voxels; rounded up to whole blocks.
         scratch: Makes the index; None for memory.
+        most: A core with its halo holds at most so many, unless the core is small already. None for
+            any number: how much halo a tile has depends on how the voxels lie.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class Tiling:
         tile_points: int,
         halo: int,
         scratch: Scratch | None = None,
+        most: int | None = None,
     ) -> None:
         scratch = scratch or Scratch()
         # Voxels of one cube of 16 follow each other in Morton order: cubes are handled, not voxels.
@@ -70,7 +76,7 @@ class Tiling:
             done, last = done + found, int(keys[rows][-1])
             scratch.release()
         self._bounds[done] = len(keys)
-        self._cut(tile_points, halo)
+        self._cut(tile_points, halo, most)
         scratch.release()
 
     @classmethod
@@ -92,17 +98,28 @@ class Tiling:
         other._cut(tile_points, halo)
         return other
 
-    def _cut(self, tile_points: int, halo: int) -> None:
+    def _cut(self, tile_points: int, halo: int, most: int | None = None) -> None:
         """Choose the tiles."""
-        columns, sizes, shift = self._gather_blocks()
-        parts = _split(columns, sizes, tile_points)
-        self.tiles = [_tile(columns, sizes, part, shift) for part in parts]
         self.halo_blocks = -(-halo // BLOCK)
+        columns, sizes, shift = self._gather_blocks()
+
+        def is_small(members: NDArray[np.int64]) -> bool:
+            count = sizes[members].sum()
+            if most is None or count > tile_points or count <= _SMALL_CORE:
+                return bool(count <= tile_points)
+            return self.size(_tile(columns, sizes, members, shift)) <= most
+
+        parts = _split(columns, sizes, is_small)
+        self.tiles = [_tile(columns, sizes, part, shift) for part in parts]
 
     @property
     def num_cubes(self) -> int:
         """Cubes of 16 voxels' edge that hold any."""
         return len(self._columns)
+
+    def size(self, tile: Tile) -> int:
+        """Voxels of a tile's core and halo."""
+        return int(_count_members(self._columns, self._bounds, self._outer(tile)))
 
     def core(self, tile: Tile) -> NDArray[np.int64]:
         """The voxels of a tile's core, as :meth:`members` has them."""
@@ -116,9 +133,12 @@ class Tiling:
             Indices into the voxels, ascending (so Morton order is kept), shape (M,), int64; and
             whether each lies in the core, shape (M,), bool.
         """
-        inner = np.array([*tile.low, *tile.high])
+        return self._members(self._outer(tile), np.array([*tile.low, *tile.high]))
+
+    def _outer(self, tile: Tile) -> NDArray[np.int64]:
+        """A tile's rectangle of blocks with its halo."""
         reach = self.halo_blocks * np.array([-1, -1, 1, 1])
-        return self._members(inner + reach, inner)
+        return np.array([*tile.low, *tile.high]) + reach
 
     def _members(
         self, outer: NDArray[np.int64], inner: NDArray[np.int64]
@@ -157,7 +177,9 @@ def _merged(
 
 
 def _split(
-    columns: NDArray[np.int64], sizes: NDArray[np.int64], tile_points: int
+    columns: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    is_small: Callable[[NDArray[np.int64]], bool],
 ) -> Iterator[NDArray[np.int64]]:
     """Halve a set of blocks, longer side first, until each part is small enough."""
     pending = [np.arange(len(columns))]
@@ -167,7 +189,7 @@ def _split(
             continue
         places = columns[members]
         extent = np.ptp(places, axis=0)
-        if sizes[members].sum() <= tile_points or not extent.any():
+        if not extent.any() or is_small(members):
             yield members
             continue
         axis = int(extent.argmax())

@@ -3,10 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bushseg import tiling
 from bushseg.config import PredictConfig
 from bushseg.errors import DataError
 from bushseg.io import open_scan
-from bushseg.labeler import check_features, label_tiles
+from bushseg.labeler import check_features, cut, label_tiles
+from bushseg.memory import HALO
 from bushseg.scan import VoxelScan, read_voxels
 
 
@@ -31,6 +33,21 @@ def test_cores_cover_every_voxel_once(model, scan, tile_points):
         assert tile.probabilities.shape == (len(tile.indices), 7)
         np.testing.assert_allclose(tile.probabilities.sum(axis=1), 1, rtol=1e-5)
         assert tile.num_seen >= len(tile.indices)
+
+
+def test_within_memory_halos_count_towards_a_tile(model, scan, monkeypatch):
+    monkeypatch.setattr(tiling, "_SMALL_CORE", 10)
+    free, bounded = (
+        cut(model, scan, PredictConfig(tile_points=1500, max_memory=limit))
+        for limit in (None, 2_000_000_000)
+    )
+    assert max(map(free.size, free.tiles)) > HALO * 1500
+    assert len(bounded.tiles) > len(free.tiles)
+    for tile in bounded.tiles:
+        # What can't be cut, since it is one block, stays as it is.
+        edges = np.subtract(tile.high, tile.low)
+        assert bounded.size(tile) <= HALO * 1500 or edges.tolist() == [1, 1]
+    assert sum(tile.num_points for tile in bounded.tiles) == len(scan.voxels)
 
 
 def test_one_tile_sees_each_voxel_once(model, scan):

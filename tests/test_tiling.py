@@ -42,6 +42,7 @@ def test_cores_partition_the_voxels_and_halos_hold_all_within_reach(
         core = indices[is_core]
         visits[core] += 1
         assert len(core) == tile.num_points
+        assert len(indices) == tiling.size(tile)
         assert len(core) <= max(tile_points, block_sizes.max())
         low = (columns[core] - halo).min(axis=0)
         high = (columns[core] + halo).max(axis=0)

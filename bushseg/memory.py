@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bushseg.errors import ConfigError
 
-PROGRAM = 850_000_000
+PROGRAM = 1_000_000_000
 """Bytes of the program with PyTorch, its compiled loops and a network, and of what is allocated and
 not in use."""
 

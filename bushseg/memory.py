@@ -38,7 +38,8 @@ CUT_VOXEL = 200
 """Bytes that a voxel of a tile or its halo takes while the tile is cut and written."""
 
 HALO = 1.3
-"""Voxels of a tile with its halo, per voxel of its core; of smaller tiles more."""
+"""Voxels of a tile with its halo, per voxel of its core. Small tiles have more halo: under a limit
+they are cut until they fit (:func:`bushseg.labeler.cut`)."""
 
 _LEAST_TILE, _MOST_TILE = 100_000, 5_000_000
 _LEAST_TABLE, _MOST_TABLE = 1 << 18, 1 << 22

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bushseg.cache import FORMAT_VERSION, output_identity, read_json, write_json
 from bushseg.errors import CacheError
+from bushseg.files import remove_partials
 
 JOURNAL = ".bushseg.json"
 
@@ -52,6 +53,7 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        remove_partials(folder / JOURNAL)
         try:
             self._held = _Journal.model_validate(read_json(folder / JOURNAL))
         except (CacheError, ValidationError):  # none, or damaged: nothing is known to be done

@@ -1,7 +1,8 @@
 """A worker process: `python -m bushseg.worker`.
 
 Reads a job a line, [name, arguments, cores] as JSON, and answers each in a line: null, or why it
-was refused. It says "ready" first, and ends when nobody can give it jobs any more.
+was refused. It says "ready" first, and whenever it reads null instead of a job; it ends when nobody
+can give it jobs any more.
 """
 
 import json
@@ -28,7 +29,10 @@ def main() -> None:
     answer: str | None = READY
     while True:
         os.write(answers, json.dumps(answer).encode() + b"\n")
-        name, arguments, cores = jobs.get()
+        if (job := jobs.get()) is None:
+            answer = READY
+            continue
+        name, arguments, cores = job
         use_cores(cores)
         load_job(name)
         if (torch := sys.modules.get("torch")) is not None:  # not all jobs need it, it takes memory

@@ -156,7 +156,7 @@ class _Crew:
                 raise WorkerError("the work was given up")
             while self._idle:
                 process = self._idle.pop()
-                if process.poll() is None:
+                if _is_there(process):
                     self._at_work.add(process)
                     return process
                 _end(process)
@@ -201,14 +201,28 @@ def _start() -> Process:
 
 def _ask(process: Process, name: str, arguments: Mapping[str, Any], cores: int) -> Outcome:
     """Have a job done, on so many cores."""
-    assert process.stdin is not None
-    with suppress(OSError):  # it died: that nothing comes back tells
-        process.stdin.write(json.dumps([name, arguments, cores]).encode() + b"\n")
-        process.stdin.flush()
+    _tell(process, [name, arguments, cores])
     answer = _answer(process)
     if answer is None or isinstance(answer, str):
         return Outcome(error=answer)
     return Outcome(death=_death(process))
+
+
+def _is_there(process: Process) -> bool:
+    """Whether a process that idled still lives.
+
+    It is asked: one that was killed may be a while in ending, and its next job would be blamed.
+    """
+    _tell(process, None)
+    return bool(_answer(process) == READY)
+
+
+def _tell(process: Process, what: Any) -> None:
+    """Say something to a process; if it died, that nothing comes back tells."""
+    assert process.stdin is not None
+    with suppress(OSError):
+        process.stdin.write(json.dumps(what).encode() + b"\n")
+        process.stdin.flush()
 
 
 def _answer(process: Process) -> Any:

@@ -47,6 +47,13 @@ def test_killed_before_an_old_output_was_replaced(tmp_path: Path, output: Path) 
     assert is_done(tmp_path)
 
 
+def test_killed_while_the_journal_was_written(tmp_path: Path, output: Path) -> None:
+    Journal(tmp_path).begin({"a/x.las": "w"})
+    (tmp_path / "..bushseg-__e_6k1b.partial.json").write_text("{")
+    Journal(tmp_path)
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [JOURNAL]
+
+
 def test_what_is_forgotten(tmp_path: Path, output: Path) -> None:
     journal = Journal(tmp_path)
     output.write_text("labels")

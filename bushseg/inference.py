@@ -10,7 +10,7 @@ from bushseg.config import Precision
 from bushseg.features import FEATURES
 from bushseg.models.batch import Batch
 from bushseg.models.bushnet import BushNet
-from bushseg.models.pooling import serial_torch
+from bushseg.models.chunks import serial_torch
 from bushseg.models.precision import multiplying_in
 from bushseg.tile_data import NetworkTile
 

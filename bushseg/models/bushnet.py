@@ -12,8 +12,9 @@ from torch import Tensor, nn
 
 from bushseg.config import NetworkConfig
 from bushseg.models.batch import Batch, Level
+from bushseg.models.chunks import in_chunks
 from bushseg.models.kernels import SLOPE
-from bushseg.models.layers import Dropout, SharedMLP, gather, in_chunks
+from bushseg.models.layers import Dropout, SharedMLP, gather
 from bushseg.models.lmff import FusionBlock, Geometry
 from bushseg.models.survivors import pool_survivors
 
@@ -132,7 +133,8 @@ class BushNet(nn.Module):
                 skips.append(x)
             x = pool_survivors(x, level)  # (N_{l+1}, width)
             skips.append(x)
-        x = self.bottleneck(skips.pop())
+        x = skips.pop()
+        x = in_chunks(self.bottleneck.step(), x.shape[1], x)
         for layer, level in zip(self.decoder, reversed(batch.levels), strict=True):
             x = layer(x, skips.pop(), level.interpolated)
         return self._classify(x)

@@ -6,12 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from bushseg.models.kernels import SLOPE
-from bushseg.models.pooling import run_chunks
 from bushseg.models.shared_norm import drop_out, normalize
 from bushseg.ranks import current
-
-CHUNK = 2048
-"""Points handled at once without gradients: their rows stay in a core's cache."""
 
 
 class SharedMLP(nn.Module):
@@ -121,38 +117,3 @@ def gather(x: Tensor, indices: Tensor) -> Tensor:
     """Rows of `x` (N, C) at `indices` of any shape (..., ) -> (..., C)."""
     # index_select's backward is several times as fast as indexing's on a CPU.
     return x.index_select(0, indices.reshape(-1)).view(*indices.shape, x.shape[1])
-
-
-def in_chunks(
-    function: Callable[..., Tensor], width: int, *rows: Tensor, size: int = CHUNK
-) -> Tensor:
-    """Apply a function that treats rows independently, `size` rows at a time.
-
-    Without gradients, chunks small enough for a core's cache are faster and bound the memory, and
-    on a CPU all cores take chunks. With gradients (and so with batch statistics) everything is done
-    at once.
-
-    Args:
-        function: Takes the chunks of `rows`, returns one tensor with as many rows.
-        width: Columns of what it returns.
-        rows: Tensors of the same number of rows.
-        size: Rows in a chunk.
-
-    Returns:
-        The function's result for all rows, (N, width).
-    """
-    first = rows[0]
-    if torch.is_grad_enabled() or len(first) <= size:
-        return function(*rows)
-    dtype = next((tensor.dtype for tensor in rows if tensor.is_floating_point()), torch.float32)
-    out = torch.empty(len(first), width, dtype=dtype, device=first.device)
-
-    def call(start: int, stop: int) -> None:
-        out[start:stop] = function(*(tensor[start:stop] for tensor in rows))
-
-    if first.device.type == "cpu":
-        run_chunks(call, len(first), size)
-    else:
-        for start in range(0, len(first), size):
-            call(start, start + size)
-    return out

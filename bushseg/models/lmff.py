@@ -14,8 +14,9 @@ from bushseg.config import NetworkConfig
 from bushseg.models import kernels
 from bushseg.models.attention import ATTENTION, AttentivePooling, MultiChannelAttention
 from bushseg.models.batch import Level
-from bushseg.models.layers import SharedMLP, gather, in_chunks
-from bushseg.models.pooling import attentive_pool, run_chunks
+from bushseg.models.chunks import in_chunks, run_chunks
+from bushseg.models.layers import SharedMLP, gather
+from bushseg.models.pooling import attentive_pool
 from bushseg.ranks import current
 from bushseg.spf import simple_point_features
 

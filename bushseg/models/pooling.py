@@ -13,41 +13,18 @@ as PyTorch runs it. Here a few hundred points are taken through all of it at a t
 
 import math
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from bushseg.models import kernels
-from bushseg.parallel import for_chunks, num_workers
+from bushseg.models.chunks import in_chunks, run_chunks
+from bushseg.parallel import num_workers
 
 _CHUNK_FLOATS = 1_000_000
 """What a chunk's two arrays over pairs hold, about: 4 MB, a few times a core's second-level cache.
 Smaller chunks stay in it and lose more to the calls between the loops than they gain."""
-
-
-@contextmanager
-def serial_torch() -> Iterator[None]:
-    """Hold PyTorch's own threads to one, for as long as ours are many."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
-def run_chunks(function: Callable[[int, int], object], num_rows: int, size: int) -> None:
-    """:func:`bushseg.parallel.for_chunks` for functions of PyTorch that need no gradients."""
-
-    def call(start: int, stop: int) -> None:
-        with torch.inference_mode():  # a thread's own setting
-            function(start, stop)
-
-    with serial_torch():
-        for_chunks(call, num_rows, size)
 
 
 def attentive_pool(
@@ -153,13 +130,9 @@ class _Work:
         self.huge = huge
         self.width = x.shape[1]
         self.x = x.detach().contiguous()
-        self.mapped = torch.empty(len(x), len(score))  # the features' share of the scores
         to_scores = score.detach()[:, : self.width].T
-
-        def call(start: int, stop: int) -> None:
-            torch.mm(self.x[start:stop], to_scores, out=self.mapped[start:stop])
-
-        run_chunks(call, len(x), 4096)
+        # The features' share of the scores.
+        self.mapped = in_chunks(lambda rows: rows @ to_scores, len(score), self.x, size=4096)
         self.neighbors = neighbors.numpy()
         self.columns = columns.detach()
         self.lift = lift.detach().contiguous()
@@ -215,7 +188,9 @@ class _Work:
             fused.numpy(),
             scores.numpy(),
         )
-        scores.addmm_(fused[:, self.width :], self.score.T)
+        # Of as many rows each time, the last of a smaller chunk being of no use (see `chunks.py`).
+        all_fused, all_scores = self._buffers(self.chunk * self.k, "fused", "scores")
+        all_scores.addmm_(all_fused[:, self.width :], self.score.T)
         return fused, scores
 
     def _buffers(self, num_pairs: int, *names: str) -> list[Tensor]:

@@ -7,8 +7,8 @@ from torch import Tensor
 
 from bushseg.models import kernels
 from bushseg.models.batch import Level
+from bushseg.models.chunks import run_chunks
 from bushseg.models.layers import gather
-from bushseg.models.pooling import run_chunks
 
 
 def pool_survivors(x: Tensor, level: Level) -> Tensor:

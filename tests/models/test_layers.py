@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from bushseg.models.layers import SharedMLP, gather, in_chunks
+from bushseg.models.layers import SharedMLP, gather
 
 
 def test_gather_takes_rows_in_any_shape():
@@ -27,27 +27,6 @@ def test_shared_mlp_by_hand():
     bare = SharedMLP(2, 2, activation=False).eval()
     bare.load_state_dict(mlp.state_dict())
     torch.testing.assert_close(bare(x), torch.tensor([[4.0, -2.0]]), atol=1e-4, rtol=0)
-
-
-@pytest.mark.parametrize("size", [1, 3, 4, 10, 11])
-def test_in_chunks_equals_the_whole(size):
-    a, b = torch.randn(10, 2), torch.randn(10, 3, 2)
-    sizes = []
-
-    def function(x, y):
-        sizes.append(len(x))
-        return x + y.sum(dim=1)
-
-    with torch.no_grad():
-        torch.testing.assert_close(in_chunks(function, 2, a, b, size=size), a + b.sum(dim=1))
-    assert max(sizes) <= size
-    assert sum(sizes) == 10
-
-
-def test_with_gradients_nothing_is_cut():
-    sizes = []
-    in_chunks(lambda x: sizes.append(len(x)) or x, 2, torch.randn(10, 2), size=3)
-    assert sizes == [10]
 
 
 @pytest.mark.parametrize("activation", [True, False])

@@ -47,7 +47,9 @@ def tile_scan(
         WriteError: The disk refuses.
     """
     with suppress(CacheError):
-        return open_stored(place)
+        stored = open_stored(place)
+        kept.forget_head()
+        return stored
     (place / MANIFEST).unlink(missing_ok=True)  # what it says isn't true of new arrays
     scan = read_voxels(
         kept,

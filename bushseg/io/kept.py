@@ -45,6 +45,10 @@ class KeptReader(ScanReader):
         self._begun = chunks.copy(), rest
         return chunks
 
+    def forget_head(self) -> None:
+        """Let go of what was read ahead: the next pass may come late."""
+        self._begun = None
+
     def chunks(self, size: int = CHUNK_POINTS) -> Iterator[PointCloud]:
         """Yield all points in the file's order; kept ones in the chunks of the first time.
 

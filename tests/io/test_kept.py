@@ -1,5 +1,6 @@
 """A scan kept from its first reading: the same chunks again, and never more than may be kept."""
 
+import weakref
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -101,4 +102,15 @@ def test_beyond_the_limit_only_the_second_pass_reads_again() -> None:
     kept = KeptReader(reader, limit=0)
     kept.head(1)
     assert sum(map(len, kept.chunks())) == sum(map(len, kept.chunks())) == 250
+    assert reader.readings == 2
+
+
+def test_what_was_read_ahead_may_be_forgotten() -> None:
+    reader = make_reader(250)
+    kept = KeptReader(reader)
+    chunk = weakref.ref(kept.head(1)[0].xyz)
+    assert chunk() is not None
+    kept.forget_head()
+    assert chunk() is None
+    assert equal(list(kept.chunks()), list(make_reader(250).chunks()))
     assert reader.readings == 2

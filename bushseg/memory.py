@@ -6,7 +6,6 @@ last two don't come at once. `benchmarks/memory.py` measures the figures.
 """
 
 import ctypes
-import os
 import re
 import sys
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from pathlib import Path
 
 from bushseg.errors import ConfigError
 
-PROGRAM = 1_000_000_000
+PROGRAM = 800_000_000
 """Bytes of the program with PyTorch, its compiled loops and a network, and of what is allocated and
 not in use."""
 
@@ -149,10 +148,7 @@ def be_lean() -> None:
     """Have memory that is not in use go back to the system, at some cost in time.
 
     glibc keeps an arena a thread, and what was freed of arrays of some megabytes for the next ones.
-    oneDNN, which multiplies PyTorch's matrices, keeps programs compiled for their shapes, two
-    megabytes each; no two tiles have the same. It asks how many to keep when it first does.
     """
-    os.environ["ONEDNN_PRIMITIVE_CACHE_CAPACITY"] = "16"
     if (libc := _libc()) is not None:
         libc.mallopt(_ARENA_MAX, 2)
         libc.mallopt(_MMAP_THRESHOLD, 1 << 20)

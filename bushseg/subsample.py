@@ -165,7 +165,8 @@ class GridSubsampler:
             scratch = Scratch(self._folder if self._on_disk else None)
             return self._averaged(scratch, size, [table])
         self._runs.write(sums, size)
-        limit = len(sums.keys)
+        # What is merged is held twice, as it was and in order.
+        limit = max(1, len(sums.keys) // 2)
         del sums
         voxels = self._averaged(
             Scratch(self._folder), self._runs.count_keys(limit), self._runs.ranges(limit)

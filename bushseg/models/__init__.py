@@ -7,6 +7,6 @@ import os
 # large tile writes a new tensor of tens of megabytes.
 os.environ.setdefault("THP_MEM_ALLOC_ENABLE", "1")
 
-# For each shape that it multiplies oneDNN compiles a program, and keeps a thousand of them. Each
-# tile has other shapes; one tile's fit in so many.
+# For each shape that it multiplies oneDNN compiles a program, and keeps a thousand of them, which
+# training's many shapes would fill. Those of `chunks.py` fit in so many.
 os.environ.setdefault("ONEDNN_PRIMITIVE_CACHE_CAPACITY", "128")

@@ -3,7 +3,7 @@
 Without gradients each layer is one function of a row, or of a neighborhood, and chunks small enough
 for a core's cache are faster and bound the memory. All chunks of a layer have the same number of
 rows: oneDNN compiles a program for each shape that it multiplies and keeps what it compiled, so
-shapes that came of a tile's size would add up to hundreds of megabytes over a scan.
+shapes that came of a tile's size would take time in each tile and add up over a scan.
 """
 
 from collections.abc import Callable, Iterator

@@ -71,7 +71,7 @@ def test_what_is_chosen_fits(beyond: int, workers: int) -> None:
 
 def test_too_little_is_refused() -> None:
     with pytest.raises(
-        ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 1\.16"
+        ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 0\.96"
     ):
         fit(500_000_000)
     with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 5\.32 GB"):

@@ -74,7 +74,7 @@ def test_too_little_is_refused() -> None:
         ConfigError, match=r"max_memory is 0\.50 GB; labelling takes at least 0\.96"
     ):
         fit(500_000_000)
-    with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 5\.32 GB"):
+    with pytest.raises(ConfigError, match=r"labelling in 4 processes takes at least 4\.52 GB"):
         fit(2_000_000_000, 4)
 
 

@@ -4,8 +4,11 @@ The code is kept on disk beside the module (or in the user's cache folder where 
 writable), so half a minute is paid once an installation, not once a run. Compiled functions
 release the interpreter's lock: :mod:`bushseg.parallel` runs them on all cores.
 
+What is kept is compiled anew when the function's own file has changed, and not when that of another
+function has which it calls: whoever edits such a one deletes `__pycache__`.
+
 They index without bounds checks. What they are given was checked before: they are called by the
-module they stand in, never with indices straight from a file.
+module they stand in or the one above it, never with indices straight from a file.
 """
 
 from collections.abc import Callable

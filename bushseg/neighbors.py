@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bushseg.compiled import compiled
-from bushseg.neighbor_search import build_boxes, search
+from bushseg.neighbor_boxes import build_boxes
+from bushseg.neighbor_search import search
 from bushseg.parallel import for_chunks
 
 _CHUNK = 4096  # queries a thread answers at a time

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bushseg.neighbor_search import _rank, _sort_in
 from bushseg.neighbors import NeighborIndex, nearest
 
 
@@ -44,22 +43,6 @@ def test_of_equally_near_points_the_first_is_taken(
     points = np.random.default_rng(seed).integers(0, lattice, (count, 3)).astype(np.float32)
     k = min(k, count)
     np.testing.assert_array_equal(NeighborIndex(points).query(points, k), plain(points, points, k))
-
-
-def test_few_and_many_candidates_are_sorted_alike() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        count, k = rng.integers(20, 200), rng.integers(1, 20)
-        distances = rng.integers(0, 30, count).astype(np.float32)
-        order = np.argsort(distances, kind="stable")[:k]
-        inside = np.arange(1000, 1000 + count, dtype=np.int32)
-        scratch = np.empty((2, 256), dtype=np.int32)
-        room = np.append(distances, np.zeros(32, np.float32))
-        for sort in (_rank, _sort_in):
-            row = np.empty(k, dtype=np.int32)
-            more = tuple(scratch) if sort is _rank else ()
-            assert sort(room.copy(), count, k, inside, row, *more) == distances[order[-1]]
-            assert row.tolist() == inside[order].tolist()
 
 
 def test_clusters_of_any_density_and_points_far_away() -> None:

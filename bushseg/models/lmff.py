@@ -11,11 +11,11 @@ import torch
 from torch import Tensor, nn
 
 from bushseg.config import NetworkConfig
-from bushseg.models import kernels
 from bushseg.models.attention import ATTENTION, AttentivePooling, MultiChannelAttention
 from bushseg.models.batch import Level
 from bushseg.models.chunks import in_chunks, run_chunks
 from bushseg.models.layers import SharedMLP, gather
+from bushseg.models.pair_geometry import describe_kernel
 from bushseg.models.pooling import attentive_pool
 from bushseg.ranks import current
 from bushseg.spf import simple_point_features
@@ -76,7 +76,7 @@ def describe_fast(level: Level, config: NetworkConfig) -> Tensor:
     written = columns.numpy()
     xyz, normals = level.xyz.numpy(), level.normals.numpy()
     neighbors = level.neighbors.numpy()
-    kernel = kernels.describe_kernel(neighbors.shape[1], num_position, config.spf)
+    kernel = describe_kernel(neighbors.shape[1], num_position, config.spf)
 
     def call(start: int, stop: int) -> None:
         kernel(xyz, normals, neighbors, start, stop, written[start:stop])

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from bushseg.models import kernels
+from bushseg.compiled import compiled_fast
 from bushseg.models.batch import Level
 from bushseg.models.chunks import run_chunks
+from bushseg.models.kernels import Floats, Indices
 from bushseg.models.layers import gather
 
 
@@ -29,7 +31,7 @@ class _MaxPool(torch.autograd.Function):
         rows, indices, out = x.detach().numpy(), around.numpy(), pooled.numpy()
 
         def call(start: int, stop: int) -> None:
-            kernels.max_rows(rows, indices, start, stop, out)
+            _max_rows(rows, indices, start, stop, out)
 
         run_chunks(call, len(around), 2048)
         ctx.save_for_backward(x, around, pooled)
@@ -41,5 +43,42 @@ class _MaxPool(torch.autograd.Function):
         d_pooled = gradients[0].contiguous()
         d_x = torch.zeros_like(x)
         arrays = (tensor.detach().numpy() for tensor in (x, around, pooled, d_pooled, d_x))
-        kernels.max_rows_backward(*arrays)
+        _max_rows_backward(*arrays)
         return d_x, None
+
+
+@compiled_fast
+def _max_rows(x: Floats, neighbors: Indices, start: int, stop: int, out: Floats) -> None:
+    """Greatest of the neighbors' rows of x, channel by channel: (N, C) -> (M, C), M indexed."""
+    for m in range(start, stop):
+        out[m] = x[neighbors[m, 0]]
+        for k in range(1, neighbors.shape[1]):
+            j = neighbors[m, k]
+            for c in range(x.shape[1]):
+                out[m, c] = max(out[m, c], x[j, c])
+
+
+@compiled_fast
+def _max_rows_backward(
+    x: Floats, neighbors: Indices, pooled: Floats, d_pooled: Floats, d_x: Floats
+) -> None:
+    """Gradients of `_max_rows` for all rows: to the first neighbor that holds the greatest value.
+
+    Args:
+        x: (N, C).
+        neighbors: (M, K).
+        pooled: What `_max_rows` gave, (M, C).
+        d_pooled: (M, C).
+        d_x: Added to, (N, C).
+    """
+    width = x.shape[1]
+    left = np.empty(width, np.float32)
+    for m in range(len(pooled)):
+        for c in range(width):
+            left[c] = d_pooled[m, c]
+        for k in range(neighbors.shape[1]):
+            j = neighbors[m, k]
+            for c in range(width):
+                share = left[c] if x[j, c] == pooled[m, c] else np.float32(0)
+                d_x[j, c] += share
+                left[c] -= share

@@ -5,29 +5,12 @@ import pytest
 from bushseg import worker_pool
 from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WorkerError
+from bushseg.jobs import LABEL_TILE
 from bushseg.prediction import predict_file
 from bushseg.schedulers import opened
 from bushseg.worker_pool import WorkerPool
 
 SETTINGS = {"tile_points": 1000, "halo": 16}
-
-# Tile 1 kills whoever labels it, as long as a file says so.
-PROGRAM = """
-import os, signal
-from pathlib import Path
-from bushseg import tile_jobs
-
-label_tile = tile_jobs.label_tile_job
-
-def work(number, **arguments):
-    if number == 1 and Path(__file__).with_name("deadly").exists():
-        os.kill(os.getpid(), signal.SIGKILL)
-    label_tile(number=number, **arguments)
-
-tile_jobs.label_tile_job = work
-from bushseg.worker import main
-main()
-"""
 
 
 def test_who_does_the_jobs():
@@ -45,12 +28,11 @@ def test_workers_and_a_scheduler_exclude_each_other():
         pass
 
 
-def test_a_tile_that_kills_is_named_and_the_others_are_kept(model, scans, tmp_path, monkeypatch):
+def test_a_tile_that_kills_is_named_and_the_others_are_kept(
+    model, scans, tmp_path, monkeypatch, deadly_workers
+):
     alone = predict_file(scans / "south.las", tmp_path / "1.las", model, PredictConfig(**SETTINGS))
-    (tmp_path / "deadly_worker.py").write_text(PROGRAM)
-    (tmp_path / "deadly").touch()
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(worker_pool, "_PROGRAM", "deadly_worker")
+    deadly = deadly_workers(LABEL_TILE, "number", "1")
     config = PredictConfig(**SETTINGS, workers=2)
     path, output = model.path, tmp_path / "2.las"
     with pytest.raises(WorkerError) as caught:
@@ -63,7 +45,7 @@ def test_a_tile_that_kills_is_named_and_the_others_are_kept(model, scans, tmp_pa
     numbers = [int(tile.stem.removeprefix("tile_")) for tile in kept]
     assert 1 not in numbers
     assert f"; {len(kept)} of {len(kept) + 1} tiles are done and kept" in said
-    (tmp_path / "deadly").unlink()
+    deadly.unlink()
     done = []
     monkeypatch.setattr(
         worker_pool,

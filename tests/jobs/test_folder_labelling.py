@@ -1,21 +1,18 @@
 """Whole scans labelled by other processes: to the same bytes, whatever becomes of those."""
 
 import errno
-import json
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from bushseg import folder_prediction, scan_jobs, worker_pool
+from bushseg import folder_prediction, scan_jobs
 from bushseg.config import PredictConfig
 from bushseg.errors import ConfigError, WriteError
 from bushseg.file_labelling import label_file
 from bushseg.folder_prediction import FolderResult, predict_folder
-from bushseg.jobs import LABEL_SCAN, LABEL_TILE, Outcome, run_job
+from bushseg.jobs import LABEL_SCAN, LABEL_TILE, run_job
 from bushseg.memory import share
 from bushseg.scan_jobs import note_path
 from bushseg.schedulers import JOBS_FOLDER
@@ -23,60 +20,10 @@ from bushseg.schedulers import JOBS_FOLDER
 SMALL = {"tile_points": 1000, "halo": 16}
 
 
-class InTurn:
-    """A scheduler that does jobs here, one after the other."""
-
-    def __init__(self, size: int, *deadly: str, at: str = "begin") -> None:
-        self.size, self.num_ended = size, 0
-        self.done: list[tuple[str, dict[str, Any]]] = []
-        self._deadly, self._at, self._is_stopped = list(deadly), at, False
-
-    def check(self, folder: Path) -> None:
-        pass
-
-    def run(
-        self, name: str, jobs: Mapping[int, Mapping[str, Any]]
-    ) -> Iterator[tuple[int, Outcome]]:
-        self._is_stopped = False
-        for number, arguments in jobs.items():
-            if self._is_stopped:
-                break
-            plain = json.loads(json.dumps(arguments))
-            self.done.append((name, plain))
-            is_deadly = Path(plain.get("scan", "")).name in self._deadly
-            if is_deadly:
-                self._deadly.remove(Path(plain["scan"]).name)
-            if not is_deadly or self._at == "end":
-                error = run_job(name, plain)
-            if is_deadly and self._at == "end, unsaid":
-                model = plain["models"][0]["path"]
-                label_file(plain["scan"], plain["output"], model, PredictConfig(), None)
-                note_path(Path(plain["folder"]), plain["number"]).touch()
-            yield number, Outcome(death="SIGKILL") if is_deadly else Outcome(error=error)
-
-    def stop(self) -> None:
-        self._is_stopped = True
-
-    def end_idle(self) -> None:
-        self.num_ended += 1
-
-    def names(self) -> list[str]:
-        return [Path(arguments["scan"]).name for _, arguments in self.done]
-
-
 @pytest.fixture
-def use(monkeypatch):
-    """Have folders labelled by a scheduler."""
-
-    def use(scheduler: InTurn) -> InTurn:
-        @contextmanager
-        def opened(*_: object, **__: object) -> Iterator[InTurn]:
-            yield scheduler
-
-        monkeypatch.setattr(folder_prediction, "opened", opened)
-        return scheduler
-
-    return use
+def use(in_turn):
+    """Have folders labelled by a scheduler that does it here."""
+    return partial(in_turn, folder_prediction)
 
 
 @pytest.fixture
@@ -133,7 +80,7 @@ def test_processes_come_to_what_one_does(some, run, tmp_path, monkeypatch):
 def test_the_largest_scan_comes_first_and_what_is_done_is_no_job(some, run, tmp_path, use):
     (some / "broken.las").unlink()
     predict_folder(some / "north.las", tmp_path / "out", run)
-    scheduler = use(InTurn(2))
+    scheduler = use()
     notes: list[str] = []
 
     class Notes:
@@ -156,7 +103,7 @@ def test_the_largest_scan_comes_first_and_what_is_done_is_no_job(some, run, tmp_
 
 
 def test_fewer_scans_than_processes_are_shared_out_by_tiles(some, run, tmp_path, use):
-    scheduler = use(InTurn(4))
+    scheduler = use(size=4)
     config = PredictConfig(**SMALL)
     result = predict_folder([some / "north.las", some / "large.laz"], tmp_path / "out", run, config)
     assert result.complete
@@ -165,18 +112,18 @@ def test_fewer_scans_than_processes_are_shared_out_by_tiles(some, run, tmp_path,
 
 
 def test_a_model_in_memory_goes_by_a_file(some, model, tmp_path, use):
-    scheduler = use(InTurn(1))
+    scheduler = use(size=1)
     predict_folder(some, tmp_path / "out", model)
     (told,) = scheduler.done[0][1]["models"]
     assert told["name"] == str(model.path)
     assert Path(told["path"]).parents[1] == tmp_path / "out" / JOBS_FOLDER
-    use(InTurn(9))
+    use(size=9)
     predict_folder(some, tmp_path / "alone", model)
     assert outputs(tmp_path / "out") == outputs(tmp_path / "alone")
 
 
 def test_memory_is_shared_out(some, run, tmp_path, use):
-    scheduler = use(InTurn(2))
+    scheduler = use()
     config = PredictConfig(max_memory=4_000_000_000, workers=2, scratch=tmp_path / "scratch")
     predict_folder(some, tmp_path / "out", run, config)
     settings = scheduler.done[0][1]["settings"]
@@ -193,7 +140,7 @@ def by_name(result: FolderResult) -> dict[str, str]:
 
 
 def test_a_scan_that_kills_twice_fails_and_the_others_are_done(some, run, tmp_path, use):
-    scheduler = use(InTurn(2, "north.las", "north.las", "south.las"))
+    scheduler = use("north.las", "north.las", "south.las")
     found = by_name(predict_folder(some, tmp_path / "out", run))
     assert found["north.las"] == (
         f"{some / 'north.las'}: its worker was lost twice (SIGKILL); make memory free, then start "
@@ -203,13 +150,20 @@ def test_a_scan_that_kills_twice_fails_and_the_others_are_done(some, run, tmp_pa
     assert found["south.las"] == found["large.laz"] == "done"
     assert sorted(scheduler.names()[4:]) == ["north.las", "south.las"]
     assert scheduler.num_ended == 2  # each was alone
-    use(InTurn(9))
+    use(size=9)
     found = by_name(predict_folder(some, tmp_path / "out", run))
     assert (found["north.las"], found["south.las"]) == ("done", "skipped")
 
 
-@pytest.mark.parametrize("at", ["end", "end, unsaid"])
-def test_a_process_that_dies_when_its_output_stands(some, run, tmp_path, use, monkeypatch, at):
+def label_unsaid(name, job):
+    """Label a scan without a word on what was done."""
+    model = job["models"][0]["path"]
+    label_file(job["scan"], job["output"], model, PredictConfig(), None)
+    note_path(Path(job["folder"]), job["number"]).touch()
+
+
+@pytest.mark.parametrize("dying", [run_job, label_unsaid])
+def test_a_process_that_dies_when_its_output_stands(some, run, tmp_path, use, monkeypatch, dying):
     (some / "broken.las").unlink()
     called = []
 
@@ -218,7 +172,7 @@ def test_a_process_that_dies_when_its_output_stands(some, run, tmp_path, use, mo
         return label_file(scan, *rest, **more)
 
     monkeypatch.setattr(scan_jobs, "label_file", count)
-    use(InTurn(2, "north.las", at=at))
+    use("north.las", dying=dying)
     result = predict_folder(some, tmp_path / "out", run, verify=True)
     assert set(by_name(result).values()) == {"done"}
     assert called.count("north.las") == 1
@@ -234,7 +188,7 @@ def test_an_output_that_is_not_its_scan(some, run, tmp_path, use, monkeypatch):
         return done
 
     monkeypatch.setattr(scan_jobs, "label_file", spoil)
-    use(InTurn(1))
+    use(size=1)
     some = [some / "north.las", some / "deep" / "south.las"]
     found = by_name(predict_folder(some, tmp_path / "out", run, verify=True))
     assert all("differs from" in said for said in found.values())
@@ -250,37 +204,15 @@ def test_a_full_disk_ends_it(some, run, tmp_path, use, monkeypatch):
             raise WriteError("out.las: can't be written") from error
 
     monkeypatch.setattr(scan_jobs, "label_file", full)
-    scheduler = use(InTurn(2))
+    scheduler = use()
     result = predict_folder(some, tmp_path / "out", run)
     assert sorted(scan.status for scan in result.scans) == ["failed", "left", "left", "left"]
     assert "out.las: can't be written (No space left on device)" in by_name(result).values()
     assert len(scheduler.done) == 1
 
 
-# A scan called north kills whoever labels it, as long as a file says so.
-PROGRAM = """
-import os, signal
-from pathlib import Path
-from bushseg import scan_jobs
-
-label_scan = scan_jobs.label_scan_job
-
-def work(scan, **arguments):
-    if scan.endswith("north.las") and Path(__file__).with_name("deadly").exists():
-        os.kill(os.getpid(), signal.SIGKILL)
-    label_scan(scan=scan, **arguments)
-
-scan_jobs.label_scan_job = work
-from bushseg.worker import main
-main()
-"""
-
-
-def test_processes_that_are_killed(some, run, tmp_path, monkeypatch):
-    (tmp_path / "deadly_worker.py").write_text(PROGRAM)
-    (tmp_path / "deadly").touch()
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(worker_pool, "_PROGRAM", "deadly_worker")
+def test_processes_that_are_killed(some, run, tmp_path, deadly_workers):
+    deadly_workers(LABEL_SCAN, "scan", "north.las")
     found = by_name(predict_folder(some, tmp_path / "out", run, PredictConfig(workers=2)))
     assert "its worker was lost twice (SIGKILL" in found["north.las"]
     assert found["south.las"] == found["large.laz"] == "done"

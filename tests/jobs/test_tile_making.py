@@ -1,72 +1,24 @@
 """Scans made into tiles by other processes: to the same bytes, whatever becomes of those."""
 
-import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from bushseg import tile_making, worker_pool
+from bushseg import tile_making
 from bushseg.config import PrepareConfig
 from bushseg.errors import ConfigError, WorkerError
-from bushseg.jobs import PREPARE_SCAN, Outcome, run_job
+from bushseg.jobs import PREPARE_SCAN, run_job
 from bushseg.memory import fit_table, share
 from bushseg.preparation import prepare
 
 
-class InTurn:
-    """A scheduler that does jobs here, one after the other; some scans kill it."""
-
-    def __init__(self, *deadly: str) -> None:
-        self.size = 2
-        self.done: list[dict[str, Any]] = []
-        self._deadly, self._is_stopped = list(deadly), False
-
-    def check(self, folder: Path) -> None:
-        assert folder.is_dir()
-
-    def run(
-        self, name: str, jobs: Mapping[int, Mapping[str, Any]]
-    ) -> Iterator[tuple[int, Outcome]]:
-        assert name == PREPARE_SCAN
-        for number, arguments in jobs.items():
-            if self._is_stopped:
-                break
-            plain = json.loads(json.dumps(arguments))
-            self.done.append(plain)
-            if (scan := Path(plain["scan"]).name) in self._deadly:
-                self._deadly.remove(scan)
-                yield number, Outcome(death="SIGKILL")
-            else:
-                yield number, Outcome(error=run_job(name, plain))
-
-    def stop(self) -> None:
-        self._is_stopped = True
-
-    def end_idle(self) -> None:
-        pass
-
-    def names(self) -> list[str]:
-        return [Path(arguments["scan"]).name for arguments in self.done]
-
-
 @pytest.fixture
-def use(monkeypatch):
-    """Have tiles made by a scheduler."""
-
-    def use(scheduler: InTurn) -> InTurn:
-        @contextmanager
-        def opened(*_: object, **__: object) -> Iterator[InTurn]:
-            yield scheduler
-
-        monkeypatch.setattr(tile_making, "opened", opened)
-        return scheduler
-
-    return use
+def use(in_turn):
+    """Have tiles made by a scheduler that does it here."""
+    return partial(in_turn, tile_making)
 
 
 @pytest.fixture
@@ -115,11 +67,13 @@ def test_processes_come_to_what_one_does(some, config):
 
 def test_what_is_due_is_given_out_the_largest_first(some, config, use):
     prepare([some / "north.las"], "out", config)
-    scheduler = use(InTurn())
+    scheduler = use()
     prepare([some], "out", config, workers=2, max_memory="3GB")
     sizes = {path.name: path.stat().st_size for path in some.iterdir()}
     assert scheduler.names() == sorted(("south.las", "large.laz"), key=sizes.get, reverse=True)
-    job = scheduler.done[0]
+    name, job = scheduler.done[0]
+    assert name == PREPARE_SCAN
+    assert scheduler.found == [True]
     assert job["lean"] is True
     assert job["max_voxels"] == fit_table(share(3 * 10**9, 2), config.tile_points, 7)
     assert job["scan"] == str(Path.cwd() / job["name"])
@@ -131,22 +85,22 @@ def test_a_broken_scan_ends_it_with_the_line_it_has_in_one_process(some, config,
     broken.write_bytes((some / "north.las").read_bytes()[:-70])
     with pytest.raises(Exception, match=r"scans/broken\.las") as alone:
         prepare([broken], "alone", config)
-    scheduler = use(InTurn())
+    scheduler = use()
     with pytest.raises(WorkerError) as caught:
         prepare([some], "out", config, workers=2)
     assert str(caught.value) == str(alone.value)
     assert scheduler.names()[-1] == "broken.las"  # nothing was given out afterwards
     broken.unlink()
-    scheduler = use(InTurn())
+    scheduler = use()
     assert prepare([some], "out", config, workers=2).num_redone == len(scheduler.done) < 3
     prepare([some], "alone", config)
     assert contents(Path("out")) == contents(Path("alone"))
 
 
 def test_a_job_is_checked_where_it_arrives(some, config, use):
-    scheduler = use(InTurn())
+    scheduler = use()
     prepare([some / "north.las", some / "south.las"], "out", config, workers=2)
-    job = scheduler.done[0]
+    job = scheduler.done[0][1]
     assert run_job(PREPARE_SCAN, job) is None  # it is done already
     shutil.rmtree(Path("out/scans") / job["place"])
     for name, value in (("place", "../../scans-0123456789abcdef"), ("max_voxels", 0)):
@@ -171,45 +125,19 @@ def test_what_does_not_go_together_is_refused(some, config):
     assert not Path("out").exists()
 
 
-# A scan called north kills whoever reads it, as long as a file says so.
-PROGRAM = """
-import os, signal, sys
-from pathlib import Path
-from bushseg import prepare_jobs
-
-prepare_scan = prepare_jobs.prepare_scan_job
-
-def work(scan, **arguments):
-    with open(Path(__file__).with_name("tries"), "a") as file:
-        file.write(f"{Path(scan).name} {'torch' in sys.modules}\\n")
-    if scan.endswith("north.las") and Path(__file__).with_name("deadly").exists():
-        os.kill(os.getpid(), signal.SIGKILL)
-    prepare_scan(scan=scan, **arguments)
-
-prepare_jobs.prepare_scan_job = work
-from bushseg.worker import main
-main()
-"""
-
-
-def test_a_scan_that_kills_twice_is_named_and_the_others_are_kept(
-    some, config, tmp_path, monkeypatch
-):
-    (tmp_path / "deadly_worker.py").write_text(PROGRAM)
-    (tmp_path / "deadly").touch()
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(worker_pool, "_PROGRAM", "deadly_worker")
+def test_a_scan_that_kills_twice_is_named_and_the_others_are_kept(some, config, deadly_workers):
+    deadly = deadly_workers(PREPARE_SCAN, "scan", "north.las")
     with pytest.raises(WorkerError) as caught:
         prepare([some], "out", config, workers=2)
     assert str(caught.value) == (
         f"scans{os.sep}north.las: its worker was lost twice (SIGKILL, as when memory runs out); "
         "2 of 3 scans are done and kept: make memory free, then start the same command again"
     )
-    tries = sorted((tmp_path / "tries").read_text().split("\n")[:-1])
+    tries = sorted(deadly.with_name("tries").read_text().split("\n")[:-1])
     assert tries == [f"{name} False" for name in ("large.laz", *["north.las"] * 2, "south.las")]
     assert len(list(Path("out").glob("scans/*/manifest.json"))) == 2
     assert not Path("out/dataset.json").exists()
-    (tmp_path / "deadly").unlink()
+    deadly.unlink()
     assert prepare([some], "out", config, workers=2).num_redone == 1
     prepare([some], "alone", config)
     assert contents(Path("out")) == contents(Path("alone"))

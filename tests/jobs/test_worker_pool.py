@@ -46,10 +46,8 @@ main()
 
 
 @pytest.fixture
-def program(tmp_path, monkeypatch) -> Path:
-    (tmp_path / "stand_in_worker.py").write_text(PROGRAM)
-    monkeypatch.setattr(worker_pool, "_PROGRAM", "stand_in_worker")
-    monkeypatch.syspath_prepend(str(tmp_path))
+def program(tmp_path, start_workers_as) -> Path:
+    start_workers_as(PROGRAM)
     return tmp_path
 
 

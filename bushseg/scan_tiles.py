@@ -7,6 +7,7 @@ killed is gone on with. A scan that fits memory is done again instead.
 
 import shutil
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -83,93 +84,101 @@ def write_tiles(
             doesn't end soon: a cluster's may go on though whoever gave it its work was killed.
     """
     with locked(place.parent, lock_name(place.name), _PATIENCE):
-        return finished_tiles(place) or _write_tiles(
+        work = _Work(
             path, place, config, scheme, max_voxels, progress, stages or Stages(), name or str(path)
         )
+        return finished_tiles(place) or work.write()
 
 
-def _write_tiles(
-    path: Path,
-    place: Path,
-    config: PrepareConfig,
-    scheme: ClassScheme,
-    max_voxels: int,
-    progress: Progress,
-    stages: Stages,
-    name: str,
-) -> dict[str, Any]:
-    """As :func:`write_tiles`, in a folder that nobody else writes to."""
-    scratch = place / SCRATCH
-    scan, tiling = _voxels(path, place, config, scheme, max_voxels, progress, stages)
-    normals, distances = voxel_normals(scan, tiling, config.num_neighbors, stages)
-    give_back()
-    progress.start(f"tiling {path.name}", len(tiling.tiles), "tiles")
-    entries = []
-    for number, tile in enumerate(tiling.tiles):
-        record = scratch / f"{tile_name(number)}.json"
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """What :func:`write_tiles` was given, in a folder that nobody else writes to."""
+
+    path: Path
+    place: Path
+    config: PrepareConfig
+    scheme: ClassScheme
+    max_voxels: int
+    progress: Progress
+    stages: Stages
+    name: str
+
+    def write(self) -> dict[str, Any]:
+        """Write the tiles and their manifest."""
+        scan, tiling = self._voxels()
+        normals, distances = voxel_normals(scan, tiling, self.config.num_neighbors, self.stages)
+        give_back()
+        self.progress.start(f"tiling {self.path.name}", len(tiling.tiles), "tiles")
+        entries = []
+        for number in range(len(tiling.tiles)):
+            entries.append(self._write_tile(number, scan, tiling, normals, distances))
+            self.progress.advance(1)
+        manifest = {
+            "version": FORMAT_VERSION,
+            "path": self.name,
+            "num_points": scan.num_points,
+            "num_skipped": scan.num_skipped,
+            "unknown_codes": {str(code): count for code, count in scan.unknown.codes.items()},
+            "invalid_codes": scan.unknown.invalid,
+            "tiles": entries,
+            "has_labels": scan.voxels.labels is not None,
+            "features": list(scan.features),
+            "oriented_to": "sensor" if scan.sensor is not None else "up",
+        }
+        write_json(self.place / MANIFEST, manifest)
+        shutil.rmtree(self.place / SCRATCH, ignore_errors=True)
+        return manifest
+
+    def _voxels(self) -> tuple[VoxelScan, Tiling]:
+        """The scan's voxels and tiles: those that an earlier run left, or new ones."""
+        scratch = self.place / SCRATCH
+        with suppress(CacheError):
+            stored = open_stored(scratch)
+            remove_partials_in(self.place)
+            return stored
+        shutil.rmtree(self.place, ignore_errors=True)  # what a killed run left
+        with open_scan(self.path) as reader:
+            scan = read_voxels(
+                reader,
+                self.config.voxel_size,
+                self.scheme,
+                self.config.label_field,
+                self.progress,
+                self.stages,
+                folder=scratch,
+                max_voxels=self.max_voxels,
+            )
+        voxels = scan.voxels
+        with self.stages.timed("tiling"):
+            tiling = Tiling(voxels.keys, self.config.tile_points, self.config.halo, voxels.scratch)
+        if voxels.scratch.folder is not None:
+            with self.stages.timed("write"):
+                store_scan(scan, tiling)
+        return scan, tiling
+
+    def _write_tile(
+        self,
+        number: int,
+        scan: VoxelScan,
+        tiling: Tiling,
+        normals: NDArray[np.float32],
+        distances: NDArray[np.float32],
+    ) -> dict[str, Any]:
+        """Write a tile, unless an earlier run has; what the manifest says of it."""
+        place = self.place / tile_name(number)
+        record = self.place / SCRATCH / f"{tile_name(number)}.json"
         is_kept = scan.voxels.scratch.folder is not None
-        entry = _finished(place / tile_name(number), record) if is_kept else None
-        if entry is None:
-            with stages.timed("tiling"):
-                data = cut_points(scan, tiling, tile, normals)
-            with stages.timed("write"):
-                save_tile(place / tile_name(number), data)
-            entry = _entry(data, distances, scheme.num_classes)
-            if is_kept:
-                with stages.timed("write"):
-                    write_json(record, {"version": FORMAT_VERSION, **entry})
-        entries.append(entry)
-        progress.advance(1)
-    manifest = {
-        "version": FORMAT_VERSION,
-        "path": name,
-        "num_points": scan.num_points,
-        "num_skipped": scan.num_skipped,
-        "unknown_codes": {str(code): count for code, count in scan.unknown.codes.items()},
-        "invalid_codes": scan.unknown.invalid,
-        "tiles": entries,
-        "has_labels": scan.voxels.labels is not None,
-        "features": list(scan.features),
-        "oriented_to": "sensor" if scan.sensor is not None else "up",
-    }
-    write_json(place / MANIFEST, manifest)
-    shutil.rmtree(scratch, ignore_errors=True)
-    return manifest
-
-
-def _voxels(
-    path: Path,
-    place: Path,
-    config: PrepareConfig,
-    scheme: ClassScheme,
-    max_voxels: int,
-    progress: Progress,
-    stages: Stages,
-) -> tuple[VoxelScan, Tiling]:
-    """A scan's voxels and tiles: those that an earlier run left, or new ones."""
-    scratch = place / SCRATCH
-    with suppress(CacheError):
-        stored = open_stored(scratch)
-        remove_partials_in(place)
-        return stored
-    shutil.rmtree(place, ignore_errors=True)  # what a killed run left
-    with open_scan(path) as reader:
-        scan = read_voxels(
-            reader,
-            config.voxel_size,
-            scheme,
-            config.label_field,
-            progress,
-            stages,
-            folder=scratch,
-            max_voxels=max_voxels,
-        )
-    with stages.timed("tiling"):
-        tiling = Tiling(scan.voxels.keys, config.tile_points, config.halo, scan.voxels.scratch)
-    if scan.voxels.scratch.folder is not None:
-        with stages.timed("write"):
-            store_scan(scan, tiling)
-    return scan, tiling
+        if is_kept and (entry := _finished(place, record)) is not None:
+            return entry
+        with self.stages.timed("tiling"):
+            data = cut_points(scan, tiling, tiling.tiles[number], normals)
+        with self.stages.timed("write"):
+            save_tile(place, data)
+        entry = _entry(data, distances, self.scheme.num_classes)
+        if is_kept:
+            with self.stages.timed("write"):
+                write_json(record, {"version": FORMAT_VERSION, **entry})
+        return entry
 
 
 def _entry(data: TileData, distances: NDArray[np.float32], num_classes: int) -> dict[str, Any]:

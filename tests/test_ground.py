@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
 from bushseg import ground
-from bushseg.ground import CELL, WINDOW, height_above_ground
+from bushseg.ground import CELL, height_above_ground
+from bushseg.ground_filter import WINDOW, filter_ground
 from bushseg.scratch import Scratch
 
 
@@ -125,26 +123,6 @@ def test_heights_are_those_of_an_interpolated_raster(count: int, edge: float) ->
     positions -= np.floor(positions.min(axis=0))
     lowest = np.full(positions.astype(int).max(axis=0) + 1, np.inf)
     np.minimum.at(lowest, tuple(positions.astype(int).T), xyz[:, 2])
-    raster = ground._ground_raster(lowest, CELL)
+    raster = filter_ground(lowest, CELL)
     plain = ndimage.map_coordinates(raster, (positions - 0.5).T, order=1, mode="nearest")
     np.testing.assert_allclose(height_above_ground(xyz), xyz[:, 2] - plain, atol=1e-6)
-
-
-@settings(deadline=None)
-@given(
-    lowest=arrays(
-        np.float64,
-        st.tuples(st.integers(1, 30), st.integers(1, 30)),
-        elements=st.integers(-9, 9).map(float),
-    ),
-    window=st.sampled_from([5, 7, 21]),
-)
-def test_the_ring_of_bars_equals_a_plain_erosion(lowest: np.ndarray, window: int) -> None:
-    ring = np.ones((window, window), dtype=bool)
-    middle = window // 2
-    ring[middle - 1 : middle + 2, middle - 1 : middle + 2] = False
-    # SciPy's own erosion reads beyond a raster that is much smaller than the window.
-    padded = np.pad(lowest, middle, mode="symmetric")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (window, window))
-    plain = np.where(ring, windows, np.inf).min(axis=(2, 3))
-    np.testing.assert_array_equal(ground._lowest_around(lowest, window), plain)

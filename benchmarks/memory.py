@@ -1,6 +1,6 @@
 """The figures by which memory, time and disk are estimated (memory.py, room.py, estimates.py).
 
-    python benchmarks/memory.py [--points 4000000] [--model close]
+    python benchmarks/memory.py [--points 8000000] [--model close]
 
 A simulated site is laid side by side until it has so many points, and labelled in a process of its
 own: in small and in large tiles, and with so little memory that voxels go to disk.
@@ -30,7 +30,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--points", type=int, default=4_000_000)
+    parser.add_argument("--points", type=int, default=8_000_000)
     parser.add_argument("--model", default="close")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

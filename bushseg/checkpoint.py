@@ -218,7 +218,8 @@ def _parse(path: Path, metadata: Mapping[str, str]) -> tuple[ModelCard, dict[str
             )
         card = ModelCard.from_dict(values, "model card")
         state = json.loads(metadata.get("state", "{}"))
-    except (json.JSONDecodeError, RecursionError, AttributeError, ConfigError) as error:
+    except (ValueError, RecursionError, AttributeError, ConfigError) as error:
+        # Among them numbers of thousands of digits, and depth without end.
         raise CheckpointError(f"{path}: its model card can't be read ({error})") from error
     unknown = [name for name in card.features if name not in FEATURES]
     if unknown or not card.features:

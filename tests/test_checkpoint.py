@@ -182,7 +182,9 @@ def test_a_card_that_lies(forge, change, reason):
         load_model(path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "7", "null", "[" * 100_000, '{"version": 1}'])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "7", "null", "[" * 100_000, "1" * 5000, '{"version": 1}']
+)
 def test_a_card_that_is_none(forge, text):
     path = forge(metadata={"bushseg": text})
     with pytest.raises(CheckpointError) as error:

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from bushseg.cache import load_tensors, member, pyramid_from_tensors, read_json
 from bushseg.config import TrainConfig
 from bushseg.crops import CropSampler, class_weights, enough_crops
-from bushseg.errors import CacheError, ConfigError, DataError
+from bushseg.errors import CacheError, DataError
 from bushseg.features import FEATURES
 from bushseg.manifests import CropsManifest, DatasetManifest, check_manifest
 from bushseg.prepared import DATASET, MANIFEST, crop_name, tile_name
 from bushseg.pyramid import Pyramid
 from bushseg.tile_data import NetworkTile, TileData
 from bushseg.tile_files import load_tile
+from bushseg.validation_split import hold_out
 
 _OPEN_TILES = 48
 _WHOLE_TILES = 16
@@ -220,8 +221,8 @@ class Dataset:
             ConfigError: `validation` can't be understood or names no scan of the data set.
             DataError: Nothing labelled is left to train on.
         """
-        usable = [n for n, tile in enumerate(self.tiles) if any(tile.class_counts)]
-        held = self._held_out(usable, config)
+        usable = {n: tile.scan for n, tile in enumerate(self.tiles) if any(tile.class_counts)}
+        held = hold_out(usable, self.scans, config)
         train = [number for number in usable if number not in held]
         if not train:
             raise DataError(
@@ -229,37 +230,6 @@ class Dataset:
                 f"{len(held)} held out); prepare labelled scans, or pass --validation none"
             )
         return train, sorted(held)
-
-    def _held_out(self, usable: Sequence[int], config: TrainConfig) -> set[int]:
-        scans = sorted({self.tiles[number].scan for number in usable})
-        how = config.validation
-        rng = np.random.default_rng(config.seed)
-        if how.startswith("scan:"):
-            wanted = [self._scan(name.strip()) for name in how.removeprefix("scan:").split(",")]
-            if bare := [self.scans[scan] for scan in wanted if scan not in scans]:
-                raise ConfigError(f"validation names {bare[0]}, which has no labels to judge by")
-        elif how == "none" or (how == "auto" and len(usable) < 2):
-            wanted = []
-        elif how == "auto" and len(scans) > 1:
-            count = min(len(scans) - 1, max(1, round(config.validation_share * len(scans))))
-            wanted = rng.permutation(scans)[:count].tolist()
-        elif how in ("tile", "auto"):
-            count = min(len(usable) - 1, max(1, round(config.validation_share * len(usable))))
-            return set(rng.permutation(usable)[:count].tolist())
-        else:
-            raise ConfigError(
-                f"validation is {how!r}; expected auto, tile, none or scan:NAME[,NAME...]"
-            )
-        return {number for number in usable if self.tiles[number].scan in wanted}
-
-    def _scan(self, name: str) -> int:
-        """The scan of that path, file name or stem."""
-        for number, scan in enumerate(self.scans):
-            path = Path(scan)
-            if name in (scan, path.name, path.stem):
-                return number
-        known = ", ".join(Path(scan).stem for scan in self.scans)
-        raise ConfigError(f"validation names scan {name!r}; the data set holds {known}")
 
     @staticmethod
     def _sample(tile: TileData, indices: NDArray[np.int32], pyramid: Pyramid) -> Sample:

@@ -84,41 +84,6 @@ def test_no_tile_is_in_both(dataset, validation):
     assert sorted(train + held) == list(range(len(dataset.tiles)))
 
 
-def test_split_by_scan(dataset):
-    for name in ("south", "south.las", dataset.scans[2]):
-        train, held = split(dataset, f"scan:{name}")
-        assert scans_of(dataset, held) == {"south"}
-        assert scans_of(dataset, train) == {"north", "middle"}
-
-
-def test_auto_holds_whole_scans(dataset):
-    train, held = split(dataset, "auto")
-    assert len(scans_of(dataset, held)) == 1
-    assert not scans_of(dataset, train) & scans_of(dataset, held)
-
-
-def test_split_by_tile_holds_the_share_asked_for(dataset):
-    _, held = split(dataset, "tile", validation_share=0.5)
-    assert len(held) == round(len(dataset.tiles) / 2)
-    assert held == split(dataset, "tile", validation_share=0.5)[1]
-    assert len(split(dataset, "tile", validation_share=1.0)[0]) == 1
-
-
-def test_none_holds_nothing(dataset):
-    assert split(dataset, "none")[1] == []
-
-
-@pytest.mark.parametrize("validation", ["scan:east", "scan:", "half", ""])
-def test_a_split_that_can_t_be_understood(dataset, validation):
-    with pytest.raises(ConfigError, match="validation"):
-        split(dataset, validation)
-
-
-def test_an_unknown_scan_is_told_the_known_ones(dataset):
-    with pytest.raises(ConfigError, match=r"'east'.*middle, north, south"):
-        split(dataset, "scan:east")
-
-
 def test_everything_held_out(dataset):
     with pytest.raises(DataError, match="no labelled tile"):
         split(dataset, "scan:north,middle,south")

@@ -116,6 +116,17 @@ def write_las() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
+def contents() -> Callable[[Path], dict[str, bytes]]:
+    """What the files in a folder hold, by their paths in it."""
+
+    def read(folder: Path) -> dict[str, bytes]:
+        files = (path for path in folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+    return read
+
+
+@pytest.fixture(scope="session")
 def tiny() -> Callable[..., Config]:
     return make_config
 

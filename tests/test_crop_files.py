@@ -18,10 +18,6 @@ from bushseg.stages import Stages
 NUM_CROPS = 16
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
 @pytest.fixture
 def crops(tmp_path: Path) -> Path:
     return tmp_path / "crops-0"
@@ -57,13 +53,17 @@ def write(prepared: Path, crops: Path, monkeypatch: pytest.MonkeyPatch) -> Calla
 
 
 @pytest.fixture
-def undisturbed(prepared: Path) -> dict[str, bytes]:
+def undisturbed(prepared: Path, contents: Callable) -> dict[str, bytes]:
     return contents(prepared / read_json(prepared / DATASET)["crops"])
 
 
 @pytest.mark.parametrize("max_voxels", [1, 10**9], ids=["on disk", "in memory"])
 def test_the_same_crops_wherever_zeta_is(
-    max_voxels: int, write: Callable[..., int], crops: Path, undisturbed: dict[str, bytes]
+    max_voxels: int,
+    write: Callable[..., int],
+    crops: Path,
+    undisturbed: dict[str, bytes],
+    contents: Callable,
 ) -> None:
     assert write(max_voxels) == NUM_CROPS
     assert contents(crops) == undisturbed
@@ -71,7 +71,11 @@ def test_the_same_crops_wherever_zeta_is(
 
 @pytest.mark.parametrize("max_voxels", [1, 10**9], ids=["on disk", "in memory"])
 def test_crops_that_are_written_are_not_made_again(
-    max_voxels: int, write: Callable[..., int], crops: Path, undisturbed: dict[str, bytes]
+    max_voxels: int,
+    write: Callable[..., int],
+    crops: Path,
+    undisturbed: dict[str, bytes],
+    contents: Callable,
 ) -> None:
     done = write(max_voxels, stop_at=5)
     assert finished_crops(crops) is None
@@ -87,6 +91,7 @@ def test_a_damaged_crop_is_made_again(
     write: Callable[..., int],
     crops: Path,
     undisturbed: dict[str, bytes],
+    contents: Callable,
 ) -> None:
     write()
     (crops / MANIFEST).unlink()

@@ -18,11 +18,6 @@ FEW, MANY = 300, 10**9
 SCHEME = "rellis"  # it knows bushes and walls by the codes they have here, and the ground not
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
 @pytest.fixture
 def config(tiny) -> PrepareConfig:
     return tiny().prepare.model_copy(update={"tile_points": 1000, "scheme": SCHEME})
@@ -65,7 +60,7 @@ def prepare(scans, config, place, monkeypatch) -> Callable[..., tuple[int, int]]
 
 
 @pytest.fixture
-def undisturbed(prepare, place) -> dict[str, bytes]:
+def undisturbed(prepare, place, contents) -> dict[str, bytes]:
     pieces, tiles = prepare(MANY)
     assert min(pieces, tiles) > 3
     found = contents(place)
@@ -77,14 +72,14 @@ def undisturbed(prepare, place) -> dict[str, bytes]:
     return found
 
 
-def test_the_same_bytes_wherever_voxels_are(prepare, place, undisturbed):
+def test_the_same_bytes_wherever_voxels_are(prepare, place, undisturbed, contents):
     prepare(FEW)
     assert contents(place) == undisturbed
     assert not (place / SCRATCH).exists()
 
 
 @pytest.mark.parametrize("first", [{"pieces": 0}, {"pieces": 2}, {"tiles": 0}, {"tiles": 2}])
-def test_what_is_done_is_not_done_again(first, prepare, place, undisturbed, monkeypatch):
+def test_what_is_done_is_not_done_again(first, prepare, place, undisturbed, monkeypatch, contents):
     whole = prepare()
     shutil.rmtree(place)
     done = prepare(**first)
@@ -95,7 +90,7 @@ def test_what_is_done_is_not_done_again(first, prepare, place, undisturbed, monk
     assert contents(place) == undisturbed
 
 
-def test_what_stands_is_left_as_it_is(prepare, place, undisturbed):
+def test_what_stands_is_left_as_it_is(prepare, place, undisturbed, contents):
     prepare(MANY)
     assert prepare(MANY) == (0, 0)
     assert contents(place.parent) == {
@@ -103,7 +98,7 @@ def test_what_stands_is_left_as_it_is(prepare, place, undisturbed):
     }
 
 
-def test_broken_off_again_and_again(prepare, place, undisturbed):
+def test_broken_off_again_and_again(prepare, place, undisturbed, contents):
     for limits in ({"pieces": 1},) * 3 + ({"pieces": 0}, {"tiles": 0}) + ({"tiles": 1},) * 2:
         prepare(**limits)
         assert not (place / MANIFEST).exists()
@@ -112,13 +107,13 @@ def test_broken_off_again_and_again(prepare, place, undisturbed):
     assert contents(place) == undisturbed
 
 
-def test_in_memory_it_is_done_again(prepare, place, undisturbed):
+def test_in_memory_it_is_done_again(prepare, place, undisturbed, contents):
     prepare(MANY, tiles=2)
     assert prepare(MANY)[1] == len(undisturbed) - 1
     assert contents(place) == undisturbed
 
 
-def test_what_killed_runs_leave_beside_it_is_removed(prepare, place, undisturbed):
+def test_what_killed_runs_leave_beside_it_is_removed(prepare, place, undisturbed, contents):
     prepare(tiles=2)
     (place / ".tile_0002-abcd1234.partial.safetensors").write_text("half")
     prepare()
@@ -143,7 +138,7 @@ def test_what_killed_runs_leave_beside_it_is_removed(prepare, place, undisturbed
         f"{SCRATCH}/cubes",
     ],
 )
-def test_what_is_damaged_is_done_again(name, damage, prepare, place, undisturbed):
+def test_what_is_damaged_is_done_again(name, damage, prepare, place, undisturbed, contents):
     prepare(tiles=2)
     path = place / name
     if damage == "gone":
@@ -156,7 +151,7 @@ def test_what_is_damaged_is_done_again(name, damage, prepare, place, undisturbed
     assert contents(place) == undisturbed
 
 
-def test_a_damaged_scan_takes_nothing_along(prepare, place, undisturbed):
+def test_a_damaged_scan_takes_nothing_along(prepare, place, undisturbed, contents):
     """Broken off once more while it is read again: what was noted of the old one is gone."""
     prepare(tiles=2)
     (place / SCRATCH / "cubes").unlink()

@@ -43,12 +43,8 @@ def with_train(config: Config, **changes: Any) -> Config:
     return Config.from_dict(values)
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
 @pytest.mark.parametrize("left", [BEST, LAST])
-def test_a_run_is_not_overwritten_unasked(copy, prepared, tiny, left):
+def test_a_run_is_not_overwritten_unasked(copy, prepared, tiny, left, contents):
     (copy / (LAST if left == BEST else BEST)).unlink()
     before = contents(copy)
     with pytest.raises(WriteError, match=r"run: holds a run already; .*--resume .*--overwrite"):
@@ -56,7 +52,7 @@ def test_a_run_is_not_overwritten_unasked(copy, prepared, tiny, left):
     assert contents(copy) == before
 
 
-def test_overwriting_leaves_nothing_of_the_run_before(copy, prepared, tiny):
+def test_overwriting_leaves_nothing_of_the_run_before(copy, prepared, tiny, contents):
     """Stopped before its first epoch ends, the new run has no best model: nor has its folder."""
     (copy / "notes.txt").write_text("mine")
     result = train(prepared, copy, tiny(), overwrite=True, stop=lambda: True)
@@ -64,7 +60,7 @@ def test_overwriting_leaves_nothing_of_the_run_before(copy, prepared, tiny):
     assert sorted(contents(copy)) == ["config.toml", LAST, "notes.txt"]
 
 
-def test_overwriting_waits_until_all_else_is_checked(copy, prepared, tiny):
+def test_overwriting_waits_until_all_else_is_checked(copy, prepared, tiny, contents):
     before = contents(copy)
     with pytest.raises(ConfigError, match="validation"):
         train(prepared, copy, tiny(validation="some"), overwrite=True)
@@ -96,7 +92,7 @@ def test_a_resumed_run_keeps_its_own_settings(copy, prepared):
         ({"class_weights": "none"}, "class_weights was 'sqrt', is 'none'"),
     ],
 )
-def test_resuming_with_another_setting_names_it(copy, prepared, longer, changes, words):
+def test_resuming_with_another_setting_names_it(copy, prepared, longer, changes, words, contents):
     before = contents(copy)
     with pytest.raises(CheckpointError, match=words) as caught:
         train(prepared, copy, with_train(longer, **changes), resume=True)

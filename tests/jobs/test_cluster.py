@@ -168,7 +168,7 @@ def test_whole_scans_on_a_cluster(local, run, scans, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").glob(".*")) == [".bushseg.json"]
 
 
-def test_scans_are_prepared_on_a_cluster(local, tiny, scans, tmp_path):
+def test_scans_are_prepared_on_a_cluster(local, tiny, scans, tmp_path, contents):
     (tmp_path / "deadly-north.las").touch()
     config, folder = tiny().prepare, tmp_path / "out"
     with pytest.raises(WorkerError) as caught:
@@ -183,11 +183,6 @@ def test_scans_are_prepared_on_a_cluster(local, tiny, scans, tmp_path):
     assert tries == {"tries-middle.las": "x", "tries-north.las": "xxx", "tries-south.las": "x"}
     alone = prepare([scans], tmp_path / "alone", config).folder
     assert contents(folder) == contents(alone)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_a_folder_that_the_workers_do_not_see(local, tmp_path):

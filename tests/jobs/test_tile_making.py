@@ -35,12 +35,7 @@ def config(tiny) -> PrepareConfig:
     return tiny().prepare
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-def test_processes_come_to_what_one_does(some, config):
+def test_processes_come_to_what_one_does(some, config, contents):
     alone = prepare([some], "alone", config)
     steps: list[str | int] = []
 
@@ -80,7 +75,7 @@ def test_what_is_due_is_given_out_the_largest_first(some, config, use):
     assert not list(Path("out").rglob(".*"))
 
 
-def test_a_broken_scan_ends_it_with_the_line_it_has_in_one_process(some, config, use):
+def test_a_broken_scan_ends_it_with_the_line_it_has_in_one_process(some, config, use, contents):
     broken = some / "broken.las"
     broken.write_bytes((some / "north.las").read_bytes()[:-70])
     with pytest.raises(Exception, match=r"scans/broken\.las") as alone:
@@ -125,7 +120,9 @@ def test_what_does_not_go_together_is_refused(some, config):
     assert not Path("out").exists()
 
 
-def test_a_scan_that_kills_twice_is_named_and_the_others_are_kept(some, config, deadly_workers):
+def test_a_scan_that_kills_twice_is_named_and_the_others_are_kept(
+    some, config, deadly_workers, contents
+):
     deadly = deadly_workers(PREPARE_SCAN, "scan", "north.las")
     with pytest.raises(WorkerError) as caught:
         prepare([some], "out", config, workers=2)

@@ -15,14 +15,6 @@ from bushseg.preparation import prepare
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
-
-
 Written = tuple[int, int]
 """Which file it is and when it was written: reading changes other times."""
 
@@ -65,7 +57,7 @@ preparation.MAX_VOXELS, voxel_normals._TILE_POINTS = 100, 700
 
 
 def check_killed(
-    start_command, scans, settings, tmp_path, seed: int, most: int, before: str = ""
+    start_command, scans, settings, tmp_path, contents, seed: int, most: int, before: str = ""
 ) -> int:
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     common = ("prepare", scans, "-c", settings, "-q", "-o")
@@ -92,11 +84,11 @@ def settings(tiny, tmp_path) -> Path:
 
 
 @pytest.mark.parametrize("before", ["", ON_DISK], ids=["in memory", "on disk"])
-def test_killed_at_random_moments(before, start_command, scans, settings, tmp_path):
-    check_killed(start_command, scans, settings, tmp_path, seed=1, most=4, before=before)
+def test_killed_at_random_moments(before, start_command, scans, settings, tmp_path, contents):
+    check_killed(start_command, scans, settings, tmp_path, contents, seed=1, most=4, before=before)
 
 
-def test_killed_while_other_processes_work(start_command, scans, settings, tmp_path):
+def test_killed_while_other_processes_work(start_command, scans, settings, tmp_path, contents):
     common = ("prepare", scans, "-c", settings, "-q", "--workers", 2, "-o")
     command = start_command(*common, tmp_path / "killed")
     command.wait_for(tmp_path / "killed", "scans/*/tile_0000*")
@@ -111,18 +103,20 @@ def test_killed_while_other_processes_work(start_command, scans, settings, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("before", ["", ON_DISK], ids=["in memory", "on disk"])
-def test_killed_at_many_moments(before, start_command, scans, settings, tmp_path):
+def test_killed_at_many_moments(before, start_command, scans, settings, tmp_path, contents):
     times = 0
     for seed in range(100):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        times += check_killed(start_command, scans, settings, folder, seed, most=5, before=before)
+        times += check_killed(
+            start_command, scans, settings, folder, contents, seed, most=5, before=before
+        )
         if times >= 40:
             return
     raise AssertionError(f"killed only {times} times")
 
 
-def test_what_a_killed_run_left_is_removed(scans, tiny, tmp_path):
+def test_what_a_killed_run_left_is_removed(scans, tiny, tmp_path, contents):
     whole = prepare([scans], tmp_path / "whole", tiny().prepare).folder
     folder = prepare([scans], tmp_path / "killed", tiny().prepare).folder
     tile = next(folder.glob("scans/*/tile_0000*"))

@@ -218,10 +218,11 @@ def _work(
     folder = Path(tempfile.mkdtemp(dir=home))
     if name == "data set":
         folder = shutil.copytree(home / PREPARED, folder / PREPARED)
-    _warm_up(name, seeds[0], folder)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    counts[_CURRENT] = cases.start
+    try_case(name, cases.start, seeds, folder)  # what libraries take to begin with is no case's
     for number in cases:
         counts[_CURRENT] = number
         kind, text = try_case(name, number, seeds, folder)
@@ -230,14 +231,6 @@ def _work(
             os.write(handle, f"\1{number} {kind}: {text}\0\n".encode(errors="replace"))
     shutil.rmtree(folder)
     os._exit(0)
-
-
-def _warm_up(name: str, seed: Seed, folder: Path) -> None:
-    """Read a file that is whole: what a library takes to begin with is no case's memory."""
-    if name != "data set":
-        (folder / seed.name).write_bytes(seed.raw)
-    target = _TARGETS.get(name, read_scan)
-    run(target, folder if name == "data set" else folder / seed.name)
 
 
 def _dies(name: str, number: int, seeds: Sequence[Seed], home: Path) -> bool:

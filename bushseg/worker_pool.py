@@ -151,23 +151,24 @@ class _Crew:
 
     def _take(self) -> Process:
         """A process that idles, or a new one."""
-        with self._lock:
-            if self._ended:
-                raise WorkerError("the work was given up")
-            while self._idle:
-                process = self._idle.pop()
-                if _is_there(process):
-                    self._at_work.add(process)
-                    return process
-                _end(process)
-            process = _start()
-            self._at_work.add(process)
-        if (answer := _answer(process)) != READY:
-            raise WorkerError(
-                f"a worker process can't start ({_death(process)}; it said {answer!r}); see what "
-                "it wrote to standard error, or work without --workers"
-            )
-        return process
+        while True:
+            with self._lock:
+                if self._ended:
+                    raise WorkerError("the work was given up")
+                is_new = not self._idle
+                process = _start() if is_new else self._idle.pop()
+                self._at_work.add(process)
+            if not is_new:
+                # One that was killed may be a while in ending, and its next job would be blamed.
+                _tell(process, None)
+            if (answer := _answer(process)) == READY:
+                return process
+            if is_new:
+                raise WorkerError(
+                    f"a worker process can't start ({_death(process)}; it said {answer!r}); see "
+                    "what it wrote to standard error, or work without --workers"
+                )
+            self._leave(process, is_alive=False)
 
     def _leave(self, process: Process, *, is_alive: bool) -> None:
         """Have no more to do with a process; one that may have been killed is left to `end`."""
@@ -206,15 +207,6 @@ def _ask(process: Process, name: str, arguments: Mapping[str, Any], cores: int) 
     if answer is None or isinstance(answer, str):
         return Outcome(error=answer)
     return Outcome(death=_death(process))
-
-
-def _is_there(process: Process) -> bool:
-    """Whether a process that idled still lives.
-
-    It is asked: one that was killed may be a while in ending, and its next job would be blamed.
-    """
-    _tell(process, None)
-    return bool(_answer(process) == READY)
 
 
 def _tell(process: Process, what: Any) -> None:
